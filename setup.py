@@ -1,0 +1,50 @@
+"""Package definition of rm3d_plugin; wheels only, no compile step."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+HERE = Path(__file__).parent
+
+setup(
+    name='rm3d_plugin',
+    version='0.1.0',
+    description='3D scene parsing from almost no labels: region merging with 3D descriptors, as an mmengine plug-in',
+    long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    license='Apache-2.0',
+    python_requires='>=3.11,<3.13',
+    packages=find_packages(include=['rm3d_plugin', 'rm3d_plugin.*']),
+    package_data={'rm3d_plugin': ['py.typed']},
+    install_requires=[
+        'torch>=2.6',
+        'mmengine-lite>=0.10.7,<0.11',
+        'opencv-python-headless>=5,<6',  # mmengine imports cv2
+        'matplotlib>=3.9',
+        'numpy>=2,<2.6',
+        'scipy>=1.13',
+        'numba>=0.60',
+        'jaxtyping>=0.2.34',
+        'joblib>=1.4',
+        'tqdm>=4.66',
+        'tensorboard>=2.17',
+        'setuptools>=77.0.3,<82',  # torch needs the first, mmengine's pkg_resources the second
+        'open3d-cpu==0.20.0; platform_system == "Linux" and platform_machine == "x86_64"',
+        'open3d>=0.19; platform_system != "Linux" or platform_machine != "x86_64"',
+    ],
+    extras_require={
+        'test': [
+            'pytest>=8',
+            'hypothesis>=6.100',
+            'pytest-benchmark>=5',
+            'beartype>=0.19',
+            'ruff>=0.9',
+            'mypy>=1.14',
+            'import-linter>=2.1',
+            'scipy-stubs',
+            'types-tqdm',
+        ],
+        'docs': ['mkdocs-material>=9.5'],
+        'viz': ['plotly>=5'],
+    },
+)
