@@ -1,0 +1,303 @@
+"""The loops of the octree. Positions are rows of the Morton-ordered copy of the points; all arithmetic is float64.
+
+Boxes are the tight bounds of an octant's points, stored as (low xyz, high xyz). Rounding is monotone, so a squared distance
+to a box bounds that to each of its points in floating point too, and no test needs a tolerance.
+"""
+
+# mypy: disable-error-code="no-untyped-def"
+import numpy as np
+from numba import njit
+
+from rm3d_plugin.ops.morton import BITS
+
+SMALL_SORT = 40  # rows up to this length are sorted by insertion
+STACK = 8 * (BITS + 2)  # at most seven waiting siblings on each level
+
+
+@njit(cache=True, nogil=True)
+def build_nodes(codes, leaf_size):
+    """Octants over sorted codes, breadth first: (start, stop, first child, children, level); chains are skipped."""
+    n = codes.shape[0]
+    capacity = 64
+    nodes = np.empty((capacity, 5), dtype=np.int32)
+    nodes[0] = (0, n, 0, 0, 0)
+    count = 1
+    current = 0
+    while current < count:
+        start, stop = nodes[current, 0], nodes[current, 1]
+        differing = codes[start] ^ codes[stop - 1]
+        level = BITS
+        while differing != 0:
+            differing >>= np.uint64(3)
+            level -= 1
+        nodes[current, 4] = level
+        nodes[current, 2] = count
+        if stop - start > leaf_size and level < BITS:
+            if count + 8 > capacity:
+                capacity *= 2
+                grown = np.empty((capacity, 5), dtype=np.int32)
+                grown[:count] = nodes[:count]
+                nodes = grown
+            shift = np.uint64(3 * (BITS - 1 - level))
+            child_start = start
+            while child_start < stop:
+                digit = (codes[child_start] >> shift) & np.uint64(7)
+                low, high = child_start, stop
+                while low < high:
+                    middle = (low + high) // 2
+                    if ((codes[middle] >> shift) & np.uint64(7)) <= digit:
+                        low = middle + 1
+                    else:
+                        high = middle
+                nodes[count] = (child_start, low, 0, 0, 0)
+                count += 1
+                nodes[current, 3] += 1
+                child_start = low
+        current += 1
+    return nodes[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def bound_nodes(points, codes, nodes, edge):
+    """Tight boxes (n, 6), and cubes (n, 4) as centre and half edge in metres from the grid's lowest corner."""
+    boxes = np.empty((nodes.shape[0], 6))
+    cubes = np.empty((nodes.shape[0], 4))
+    cell = edge / 2.0**BITS
+    for node in range(nodes.shape[0] - 1, -1, -1):
+        start, stop, first, children, level = nodes[node]
+        for axis in range(3):
+            low, high = np.inf, -np.inf
+            if children == 0:
+                for i in range(start, stop):
+                    low = min(low, points[axis, i])
+                    high = max(high, points[axis, i])
+            else:
+                for child in range(first, first + children):
+                    low = min(low, boxes[child, axis])
+                    high = max(high, boxes[child, axis + 3])
+            boxes[node, axis], boxes[node, axis + 3] = low, high
+            corner = 0
+            for bit in range(BITS - level, BITS):
+                corner |= np.int64((codes[start] >> np.uint64(3 * bit + axis)) & np.uint64(1)) << bit
+            half = 2.0 ** (BITS - level - 1)
+            cubes[node, axis] = (corner + half) * cell
+            cubes[node, 3] = half * cell
+    return boxes, cubes
+
+
+@njit(cache=True, nogil=True, inline='always')
+def _near_sq(boxes, node, x, y, z):
+    dx = max(boxes[node, 0] - x, 0.0, x - boxes[node, 3])
+    dy = max(boxes[node, 1] - y, 0.0, y - boxes[node, 4])
+    dz = max(boxes[node, 2] - z, 0.0, z - boxes[node, 5])
+    return dx * dx + dy * dy + dz * dz
+
+
+@njit(cache=True, nogil=True, inline='always')
+def _far_sq(boxes, node, x, y, z):
+    dx = max(x - boxes[node, 0], boxes[node, 3] - x)
+    dy = max(y - boxes[node, 1], boxes[node, 4] - y)
+    dz = max(z - boxes[node, 2], boxes[node, 5] - z)
+    return dx * dx + dy * dy + dz * dz
+
+
+@njit(cache=True, nogil=True, inline='always')
+def _ball_inside(cubes, node, x, y, z, reach):
+    """Whether the ball lies in the octant; x, y, z from the grid's corner."""
+    room = cubes[node, 3] - reach
+    return abs(x - cubes[node, 0]) <= room and abs(y - cubes[node, 1]) <= room and abs(z - cubes[node, 2]) <= room
+
+
+@njit(cache=True, nogil=True)
+def _sift_down(keys, values, base, root, count):
+    """Restore a max-heap ordered by (key, value) in ``keys[base:base + count]``."""
+    key, value = keys[base + root], values[base + root]
+    while True:
+        child = 2 * root + 1
+        if child >= count:
+            break
+        right = child + 1
+        if right < count and (
+            keys[base + right] > keys[base + child]
+            or (keys[base + right] == keys[base + child] and values[base + right] > values[base + child])
+        ):
+            child = right
+        if keys[base + child] < key or (keys[base + child] == key and values[base + child] <= value):
+            break
+        keys[base + root], values[base + root] = keys[base + child], values[base + child]
+        root = child
+    keys[base + root], values[base + root] = key, value
+
+
+@njit(cache=True, nogil=True)
+def _unwind_heap(keys, values, base, count):
+    """Turn a max-heap into ascending order."""
+    for last in range(count - 1, 0, -1):
+        keys[base], keys[base + last] = keys[base + last], keys[base]
+        values[base], values[base + last] = values[base + last], values[base]
+        _sift_down(keys, values, base, 0, last)
+
+
+@njit(cache=True, nogil=True)
+def _sort_row(keys, values, base, count):
+    """Sort a row by (key, value)."""
+    if count > SMALL_SORT:
+        for root in range(count // 2 - 1, -1, -1):
+            _sift_down(keys, values, base, root, count)
+        _unwind_heap(keys, values, base, count)
+        return
+    for i in range(base + 1, base + count):
+        key, value = keys[i], values[i]
+        j = i - 1
+        while j >= base and (keys[j] > key or (keys[j] == key and values[j] > value)):
+            keys[j + 1], values[j + 1] = keys[j], values[j]
+            j -= 1
+        keys[j + 1], values[j + 1] = key, value
+
+
+@njit(cache=True, nogil=True)
+def radius_block(tree, queries, rows, low, radius, margin, rules, ordered):
+    """All points within ``radius`` of ``queries[rows]``: counts, indices, squared distances, visited octants."""
+    points, order, nodes, boxes, cubes = tree
+    skip_disjoint, stop_inside, take_contained = rules
+    xs, ys, zs = points[0], points[1], points[2]
+    limit = radius * radius
+    counts = np.empty(rows.shape[0], dtype=np.int64)
+    capacity = 64 * rows.shape[0] + 64
+    indices = np.empty(capacity, dtype=np.int32)
+    dists = np.empty(capacity, dtype=np.float64)
+    stack = np.empty(STACK, dtype=np.int32)
+    filled = 0
+    visits = 0
+    for row in range(rows.shape[0]):
+        x, y, z = queries[rows[row], 0], queries[rows[row], 1], queries[rows[row], 2]
+        begin = filled
+        stack[0] = 0
+        waiting = 1
+        while waiting > 0:
+            waiting -= 1
+            node = stack[waiting]
+            visits += 1
+            if skip_disjoint and _near_sq(boxes, node, x, y, z) > limit:
+                continue
+            if stop_inside and _ball_inside(cubes, node, x - low[0], y - low[1], z - low[2], radius + margin):
+                waiting = 0
+            start, stop, children = nodes[node, 0], nodes[node, 1], nodes[node, 3]
+            whole = take_contained and _far_sq(boxes, node, x, y, z) <= limit
+            if children > 0 and not whole:
+                first = nodes[node, 2]
+                inside = -1
+                for child in range(first, first + children):
+                    if stop_inside and _ball_inside(cubes, child, x - low[0], y - low[1], z - low[2], margin):
+                        inside = child
+                    else:
+                        stack[waiting] = child
+                        waiting += 1
+                if inside >= 0:
+                    stack[waiting] = inside
+                    waiting += 1
+                continue
+            if filled + stop - start > capacity:
+                capacity = max(2 * capacity, filled + stop - start)
+                grown_indices = np.empty(capacity, dtype=np.int32)
+                grown_dists = np.empty(capacity, dtype=np.float64)
+                grown_indices[:filled] = indices[:filled]
+                grown_dists[:filled] = dists[:filled]
+                indices, dists = grown_indices, grown_dists
+            for i in range(start, stop):
+                dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
+                sq = dx * dx + dy * dy + dz * dz
+                if whole or sq <= limit:
+                    indices[filled] = order[i]
+                    dists[filled] = sq
+                    filled += 1
+        counts[row] = filled - begin
+        if ordered:
+            _sort_row(dists, indices, begin, filled - begin)
+    return counts, indices[:filled].copy(), dists[:filled].copy(), visits
+
+
+@njit(cache=True, nogil=True)
+def nearest_block(tree, queries, rows, k, radius):
+    """The k nearest points within ``radius`` of ``queries[rows]``, nearest first: counts, indices (M, k), squared distances.
+
+    Rows ascend along the Morton curve: the k points around the previous query bound the distance of the next one's.
+    """
+    points, order, nodes, boxes, _ = tree
+    xs, ys, zs = points[0], points[1], points[2]
+    counts = np.empty(rows.shape[0], dtype=np.int64)
+    indices = np.full((rows.shape[0], k), -1, dtype=np.int32)
+    dists = np.full((rows.shape[0], k), np.inf)
+    stack = np.empty(STACK, dtype=np.int32)
+    near = np.empty(STACK, dtype=np.float64)
+    last_x, last_y, last_z, last_reach = 0.0, 0.0, 0.0, np.inf
+    visits = 0
+    for row in range(rows.shape[0]):
+        x, y, z = queries[rows[row], 0], queries[rows[row], 1], queries[rows[row], 2]
+        found = 0
+        limit = radius * radius
+        if last_reach < np.inf:
+            moved = np.sqrt((x - last_x) ** 2 + (y - last_y) ** 2 + (z - last_z) ** 2)
+            reach = (moved + last_reach) * (1.0 + 1e-9)
+            limit = min(limit, reach * reach)
+        keys, values = dists[row], indices[row]
+        stack[0] = 0
+        near[0] = _near_sq(boxes, 0, x, y, z)
+        waiting = 1
+        while waiting > 0:
+            waiting -= 1
+            node = stack[waiting]
+            if near[waiting] > limit:
+                continue
+            visits += 1
+            start, stop, first, children = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
+            if children > 0:
+                base = waiting
+                for child in range(first, first + children):
+                    sq = _near_sq(boxes, child, x, y, z)
+                    if sq > limit:
+                        continue
+                    slot = waiting
+                    while slot > base and near[slot - 1] < sq:
+                        near[slot], stack[slot] = near[slot - 1], stack[slot - 1]
+                        slot -= 1
+                    near[slot], stack[slot] = sq, child
+                    waiting += 1
+                continue
+            for i in range(start, stop):
+                dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
+                sq = dx * dx + dy * dy + dz * dz
+                if sq > limit:
+                    continue
+                index = order[i]
+                if found < k:
+                    keys[found], values[found] = sq, index
+                    found += 1
+                    if found == k:
+                        for root in range(k // 2 - 1, -1, -1):
+                            _sift_down(keys, values, 0, root, k)
+                        limit = min(limit, keys[0])
+                elif sq < keys[0] or (sq == keys[0] and index < values[0]):
+                    keys[0], values[0] = sq, index
+                    _sift_down(keys, values, 0, 0, k)
+                    limit = keys[0]
+        counts[row] = found
+        if found == k:
+            _unwind_heap(keys, values, 0, k)
+            last_x, last_y, last_z, last_reach = x, y, z, np.sqrt(keys[k - 1])
+        else:
+            _sort_row(keys, values, 0, found)
+            last_reach = np.inf
+    return counts, indices, dists, visits
+
+
+@njit(cache=True, nogil=True)
+def scatter_rows(rows, offsets, counts, stride, indices, dists, out_indices, out_dists):
+    """Copy CSR rows (stride 0) or rows of a table (its width) to where their query's row belongs."""
+    read = 0
+    for row in range(rows.shape[0]):
+        write = offsets[rows[row]]
+        for i in range(counts[row]):
+            out_indices[write + i] = indices[read + i]
+            out_dists[write + i] = dists[read + i]
+        read += stride if stride > 0 else counts[row]

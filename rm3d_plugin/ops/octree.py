@@ -1,0 +1,226 @@
+"""Neighbour search in a linear octree (METHOD 4; Behley et al., ICRA 2015, as improved in the paper)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rm3d_plugin.ops._octree_kernels import bound_nodes, build_nodes, nearest_block, radius_block, scatter_rows
+from rm3d_plugin.ops._parallel import map_blocks
+from rm3d_plugin.ops.morton import BITS, enclosing_cube, morton_codes, morton_order
+
+BLOCK = 4096  # queries that one thread answers at a time
+SORT_QUERIES_FROM = 64  # fewer queries are answered in the order they come
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbors:
+    """Neighbours of each query, in CSR.
+
+    Attributes:
+        indices: (E,) int32 point numbers; those of query i are ``indices[offsets[i]:offsets[i + 1]]``.
+        offsets: (M + 1,) int64.
+        sq_dists: (E,) float64 squared distances in square metres.
+        visits: Octants that the search looked at, all queries together.
+    """
+
+    indices: Int[np.ndarray, ' pairs']
+    offsets: Int[np.ndarray, ' queries_and_one']
+    sq_dists: Float[np.ndarray, ' pairs']
+    visits: int = 0
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    @property
+    def counts(self) -> Int[np.ndarray, ' queries']:
+        """Neighbours of each query."""
+        return np.diff(self.offsets)
+
+
+@dataclass(frozen=True, eq=False)
+class Knn:
+    """The k nearest points of each query.
+
+    Attributes:
+        indices: (M, k) int32 point numbers, nearest first, equal distances by point number; -1 where fewer exist.
+        sq_dists: (M, k) float64 squared distances in square metres; inf where fewer exist.
+        visits: Octants that the search looked at, all queries together.
+    """
+
+    indices: Int[np.ndarray, 'queries k']
+    sq_dists: Float[np.ndarray, 'queries k']
+    visits: int = 0
+
+
+def _checked(name: str, points: np.ndarray) -> Float[np.ndarray, 'points 3']:
+    given = np.asarray(points)
+    if given.ndim != 2 or given.shape[1] != 3:
+        raise ValueError(f'Octree: {name}: expected shape (N, 3), got {given.shape}')
+    array = np.ascontiguousarray(given, dtype=np.float64)
+    bad = int((~np.isfinite(array).all(axis=1)).sum())
+    if bad:
+        raise ValueError(f'Octree: {name}: {bad} of {len(array)} rows are NaN or infinite; drop them first')
+    return array
+
+
+class Octree:
+    """Points in Morton order, so that each octant is a contiguous range, and the octants over them.
+
+    Distances are computed in float64 from the coordinates as given, so that wide coordinates lose nothing and the results
+    are those of an exhaustive search (``d * d <= r * r``), whatever the number of threads. Queries are answered along
+    the Morton curve and returned in the order they came.
+
+    Args:
+        points: (N, 3) metres, finite; float32 or float64.
+        leaf_size: An octant with more points is divided (larger: fewer octants, longer scans).
+        skip_disjoint: Rule 1, an octant that does not overlap the query ball is skipped.
+        stop_inside: Rule 2, a ball inside an octant ends the search when the octant is done.
+        take_contained: Rule 3, an octant inside the ball gives its points without descent or test.
+
+    Raises:
+        ValueError: A shape does not fit, or a coordinate is NaN or infinite.
+    """
+
+    def __init__(
+        self,
+        points: Float[np.ndarray, 'points 3'],
+        leaf_size: int = 32,
+        *,
+        skip_disjoint: bool = True,
+        stop_inside: bool = True,
+        take_contained: bool = True,
+    ) -> None:
+        if leaf_size < 1:
+            raise ValueError(f'Octree: leaf_size: expected at least 1, got {leaf_size}')
+        array = _checked('points', points)
+        self.leaf_size = leaf_size
+        self._rules = (bool(skip_disjoint), bool(stop_inside), bool(take_contained))
+        self._source = points
+        self._grid = enclosing_cube(array)
+        codes = morton_codes(array, self._grid)
+        order = np.argsort(codes, kind='stable')
+        codes = codes[order]
+        self.order: Int[np.ndarray, ' points'] = order.astype(np.int32)
+        columns = np.ascontiguousarray(array[order].T)
+        if len(array):
+            nodes = build_nodes(codes, leaf_size)
+            boxes, cubes = bound_nodes(columns, codes, nodes, self._grid.edge)
+            self._tree = (columns, self.order, nodes, boxes, cubes)
+
+    def __len__(self) -> int:
+        return len(self.order)
+
+    @property
+    def octants(self) -> int:
+        """Number of octants, leaves included."""
+        return len(self._tree[2]) if len(self) else 0
+
+    def radius(
+        self, queries: Float[np.ndarray, 'queries 3'], r: float, max_neighbors: int | None = None, ordered: bool = True
+    ) -> Neighbors:
+        """Points within a distance of each query.
+
+        Args:
+            queries: (M, 3) metres; a query that is itself a point of the tree finds itself.
+            r: Radius in metres, inclusive.
+            max_neighbors: Keep the nearest so many of each query; None keeps all.
+            ordered: Sort each query's neighbours by distance, then point number. False spares that where all are kept and
+                leaves them in the order of the tree, which is deterministic too.
+
+        Returns:
+            The neighbours in CSR, in the order of the queries.
+
+        Raises:
+            ValueError: A query is not finite, ``r`` is negative or not finite, or ``max_neighbors`` is below 1.
+        """
+        if not (np.isfinite(r) and r >= 0):
+            raise ValueError(f'Octree.radius: r: expected a radius in metres, got {r}')
+        if max_neighbors is not None:
+            return self.hybrid(queries, r, max_neighbors)
+        array, rows = self._prepare(queries)
+        if not len(self) or not len(array):
+            return _none(len(array))
+        margin = 1e-6 * self._grid.edge / 2**BITS  # far above rounding, far below the smallest octant
+
+        def work(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+            block = rows[start:stop]
+            return radius_block(self._tree, array, block, self._grid.low, float(r), margin, self._rules, ordered)
+
+        return _assemble(map_blocks(work, len(rows), BLOCK), rows, stride=0)
+
+    def hybrid(self, queries: Float[np.ndarray, 'queries 3'], r: float, max_neighbors: int) -> Neighbors:
+        """The nearest ``max_neighbors`` points within ``r`` metres, by distance, then point number; see :meth:`radius`."""
+        if not (np.isfinite(r) and r >= 0):
+            raise ValueError(f'Octree.hybrid: r: expected a radius in metres, got {r}')
+        array, rows = self._prepare(queries)
+        if max_neighbors < 1:
+            raise ValueError(f'Octree.hybrid: max_neighbors: expected at least 1, got {max_neighbors}')
+        if not len(self) or not len(array):
+            return _none(len(array))
+        k = min(max_neighbors, len(self))
+
+        def work(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+            return nearest_block(self._tree, array, rows[start:stop], k, float(r))
+
+        return _assemble(map_blocks(work, len(rows), BLOCK), rows, stride=k)
+
+    def knn(self, queries: Float[np.ndarray, 'queries 3'], k: int) -> Knn:
+        """The k nearest points of each query; a query that is itself a point of the tree finds itself.
+
+        Args:
+            queries: (M, 3) metres.
+            k: At least 1.
+
+        Raises:
+            ValueError: A query is not finite, or ``k`` is below 1.
+        """
+        if k < 1:
+            raise ValueError(f'Octree.knn: k: expected at least 1, got {k}')
+        array, rows = self._prepare(queries)
+        indices = np.full((len(array), k), -1, dtype=np.int32)
+        sq_dists = np.full((len(array), k), np.inf)
+        if not len(self) or not len(array):
+            return Knn(indices, sq_dists)
+        found = min(k, len(self))
+
+        def work(start: int, stop: int) -> int:
+            block = rows[start:stop]
+            _, near, dists, visits = nearest_block(self._tree, array, block, found, np.inf)
+            indices[block, :found] = near
+            sq_dists[block, :found] = dists
+            return int(visits)
+
+        return Knn(indices, sq_dists, sum(map_blocks(work, len(rows), BLOCK)))
+
+    def _prepare(self, queries: np.ndarray) -> tuple[Float[np.ndarray, 'queries 3'], Int[np.ndarray, ' queries']]:
+        """The queries as float64, and the order in which to answer them."""
+        array = _checked('queries', queries)
+        if queries is self._source:
+            return array, self.order.astype(np.int64)
+        if len(array) < SORT_QUERIES_FROM:
+            return array, np.arange(len(array))
+        return array, morton_order(array, self._grid)
+
+
+def _none(queries: int) -> Neighbors:
+    return Neighbors(np.zeros(0, dtype=np.int32), np.zeros(queries + 1, dtype=np.int64), np.zeros(0))
+
+
+def _assemble(
+    blocks: list[tuple[np.ndarray, np.ndarray, np.ndarray, int]], rows: Int[np.ndarray, ' queries'], stride: int
+) -> Neighbors:
+    """Put the answers of blocks of ``rows`` into CSR in the order of the queries."""
+    counts = np.empty(len(rows), dtype=np.int64)
+    counts[rows] = np.concatenate([block[0] for block in blocks])
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    indices = np.empty(offsets[-1], dtype=np.int32)
+    sq_dists = np.empty(offsets[-1], dtype=np.float64)
+    visits = sum(int(block[3]) for block in blocks)
+    first = 0
+    for position, (found, near, dists, _) in enumerate(blocks):
+        block = rows[first : first + len(found)]
+        scatter_rows(block, offsets, found, stride, near.reshape(-1), dists.reshape(-1), indices, sq_dists)
+        first += len(found)
+        blocks[position] = (found, near[:0], dists[:0], 0)
+    return Neighbors(indices, offsets, sq_dists, visits)
