@@ -1,0 +1,3 @@
+"""Backbones: per-point features from raw points."""
+
+from rm3d_plugin.models.backbones.sparse_unet import SparseUNet as SparseUNet

@@ -1,0 +1,139 @@
+"""Sparse U-Net (METHOD 7): per-point features from voxels, by submanifold convolutions."""
+
+from collections.abc import Sequence
+from typing import Literal, cast
+
+import torch
+from jaxtyping import Float, Int64
+from torch import Tensor, nn
+from torch.utils.checkpoint import checkpoint
+
+from rm3d_plugin.models.backbones.layers import InverseConv, NormReLU, ResidualBlock, SparseConv, SparseFeatures
+from rm3d_plugin.ops.kernel_map import VoxelLevel
+from rm3d_plugin.ops.voxelize import gather_rows, voxelize
+from rm3d_plugin.registry import MODELS
+
+PRESETS: dict[str, tuple[int, ...]] = {
+    'small': (16, 32, 48, 64),
+    'paper': tuple(16 * level for level in range(1, 8)),  # METHOD 7: m = 16, levels m..7m
+    'large': tuple(32 * level for level in range(1, 8)),
+}
+
+
+@MODELS.register_module()
+class SparseUNet(nn.Module):
+    """U-Net over the voxels of a batch.
+
+    ::
+
+        points -> voxels -> stem -> blocks ---------------- concat -> blocks -> BN ReLU -> voxels -> points
+                                      | down k2 s2            | up, inverse of the down
+                                      +-> blocks -- ... ------+
+
+    Args:
+        in_channels: Columns of the point features.
+        voxel_size: Edge of a voxel in metres; larger: fewer voxels, faster, coarser.
+        widths: Channels per level, finest first; its length is the number of levels.
+        blocks: Residual blocks per level on each side; the coarsest level has one side.
+        bn_eps: Added to the variance in batch normalisation.
+        bn_momentum: Weight of a new batch in the running statistics.
+        reduce: How the points of a voxel become one row.
+        preset: ``'small'``, ``'paper'`` (m = 16, seven levels) or ``'large'`` (m = 32): replaces ``widths``.
+        checkpointing: Recompute the blocks in backward: less memory, about a third more time.
+
+    Attributes:
+        out_channels: Columns of the output, the width of the finest level.
+    """
+
+    def __init__(
+        self,
+        in_channels: int,
+        voxel_size: float,
+        widths: Sequence[int] = PRESETS['small'],
+        blocks: int = 2,
+        bn_eps: float = 1e-4,
+        bn_momentum: float = 0.1,
+        reduce: Literal['mean', 'first'] = 'mean',
+        preset: str | None = None,
+        checkpointing: bool = False,
+    ) -> None:
+        super().__init__()
+        if preset is not None and preset not in PRESETS:
+            raise ValueError(f'preset must be one of {sorted(PRESETS)} or None, got {preset!r}')
+        widths = tuple(widths) if preset is None else PRESETS[preset]
+        if not widths or min(widths) < 1 or blocks < 1 or in_channels < 1:
+            raise ValueError(
+                f'in_channels, widths and blocks must be positive, got {in_channels}, {widths} and {blocks}'
+            )
+        if not voxel_size > 0:
+            raise ValueError(f'voxel_size must be a positive length in metres, got {voxel_size}')
+        self.voxel_size = voxel_size
+        self.reduce: Literal['mean', 'first'] = reduce
+        self.out_channels = widths[0]
+        self.stem = SparseConv(in_channels, widths[0])
+        self.body = _Stage(widths, blocks, bn_eps, bn_momentum, checkpointing)
+        self.norm = NormReLU(widths[0], bn_eps, bn_momentum)
+
+    def forward(
+        self,
+        xyz: Float[Tensor, 'points 3'],
+        features: Float[Tensor, 'points in_channels'],
+        batch_offsets: Int64[Tensor, 'scenes_plus_1'],
+    ) -> Float[Tensor, 'points out_channels']:
+        """Features of every point, equal for the points of one voxel.
+
+        Args:
+            xyz: Metres, each scene in its local frame.
+            features: Columns such as colour and coordinates.
+            batch_offsets: Scene ``b`` owns rows ``batch_offsets[b]`` to ``batch_offsets[b + 1]``; some may be empty.
+
+        Raises:
+            ValueError: If the batch holds no point at all, or a coordinate leaves the range of ``voxelize``.
+        """
+        if len(xyz) == 0:
+            raise ValueError('SparseUNet got a batch without any point; leave such batches out in the data loader')
+        voxels = voxelize(xyz, features, batch_offsets, self.voxel_size, self.reduce)
+        hidden = self.stem(SparseFeatures(voxels.features, VoxelLevel(voxels.coords)))
+        hidden = self.body(hidden)
+        return gather_rows(self.norm(hidden.values), voxels.point_to_voxel)
+
+
+class _Stage(nn.Module):
+    """One level of the U and, inside it, all coarser ones."""
+
+    def __init__(
+        self, widths: Sequence[int], blocks: int, bn_eps: float, bn_momentum: float, checkpointing: bool
+    ) -> None:
+        super().__init__()
+        width = widths[0]
+        self.checkpointing = checkpointing
+        self.encode = nn.ModuleList([ResidualBlock(width, width, bn_eps, bn_momentum) for _ in range(blocks)])
+        self.inner: _Stage | None = None
+        if len(widths) > 1:
+            coarse = widths[1]
+            self.down_norm = NormReLU(width, bn_eps, bn_momentum)
+            self.down = SparseConv(width, coarse, kernel_size=2, stride=2)
+            self.inner = _Stage(widths[1:], blocks, bn_eps, bn_momentum, checkpointing)
+            self.up_norm = NormReLU(coarse, bn_eps, bn_momentum)
+            self.up = InverseConv(coarse, width)
+            self.decode = nn.ModuleList(
+                [ResidualBlock(width * (2 if i == 0 else 1), width, bn_eps, bn_momentum) for i in range(blocks)]
+            )
+
+    def forward(self, inputs: SparseFeatures) -> SparseFeatures:
+        skip = self._run(self.encode, inputs)
+        if self.inner is None:
+            return skip
+        hidden = self.down(skip._replace(values=self.down_norm(skip.values)))
+        hidden = self.inner(hidden)
+        hidden = self.up(hidden._replace(values=self.up_norm(hidden.values)), skip.level)
+        joined = skip._replace(values=torch.cat([skip.values, hidden.values], dim=1))
+        return self._run(self.decode, joined)
+
+    def _run(self, blocks: nn.ModuleList, inputs: SparseFeatures) -> SparseFeatures:
+        for block in blocks:
+            if self.checkpointing and self.training:
+                inputs = cast(SparseFeatures, checkpoint(block, inputs, use_reentrant=False))
+            else:
+                inputs = block(inputs)
+        return inputs

@@ -1,0 +1,172 @@
+"""Pairs of input and output voxels per kernel offset: built once per level and shared by its layers."""
+
+from dataclasses import dataclass, field
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Int32, Int64
+from numba import njit
+from torch import Tensor
+
+from rm3d_plugin.ops.voxelize import AXIS_BITS, COORDINATE_LIMIT, pack_coords
+
+Triple = tuple[int, int, int]
+_REACH_LIMIT = 1 << 9
+
+
+def triple(value: int | tuple[int, ...], name: str) -> Triple:
+    """``value`` for x, y and z, each at least 1.
+
+    Raises:
+        ValueError: If it is neither a positive integer nor three of them.
+    """
+    values = (value, value, value) if isinstance(value, int) else tuple(value)
+    if len(values) != 3 or any(not isinstance(v, int) or v < 1 for v in values):
+        raise ValueError(f'{name} must be a positive integer or three of them, got {value!r}')
+    return (values[0], values[1], values[2])
+
+
+class KernelSpec(NamedTuple):
+    """Shape of a convolution in voxels, per axis x, y, z."""
+
+    kernel_size: Triple
+    stride: Triple = (1, 1, 1)
+    dilation: Triple = (1, 1, 1)
+
+    def offsets(self) -> list[Triple]:
+        """Input minus strided output coordinate per weight, z fastest: centred for odd sizes, from 0 for even ones.
+
+        >>> KernelSpec((3, 1, 1)).offsets()
+        [(-1, 0, 0), (0, 0, 0), (1, 0, 0)]
+        """
+        axes = [
+            [d * (i - (k // 2 if k % 2 else 0)) for i in range(k)]
+            for k, d in zip(self.kernel_size, self.dilation, strict=True)
+        ]
+        x_axis, y_axis, z_axis = axes
+        return list(product(x_axis, y_axis, z_axis))
+
+
+@dataclass(frozen=True)
+class KernelMap:
+    """Pairs (input row, output row) of a convolution, grouped by kernel offset.
+
+    Within an offset both columns rise and no row occurs twice: a row is written once per offset, in a fixed order.
+
+    Attributes:
+        pair_in: Input row of each pair.
+        pair_out: Output row of each pair.
+        starts: Offset ``k`` owns the pairs ``starts[k]`` to ``starts[k + 1]``; a numpy array, always on the host.
+        n_in: Number of input rows.
+        n_out: Number of output rows.
+    """
+
+    pair_in: Int32[Tensor, 'pairs']
+    pair_out: Int32[Tensor, 'pairs']
+    starts: Int64[np.ndarray, 'offsets_plus_1']
+    n_in: int
+    n_out: int
+
+    def transposed(self) -> 'KernelMap':
+        """The map of the inverse convolution: from the output rows back to the input rows."""
+        return KernelMap(self.pair_out, self.pair_in, self.starts, self.n_out, self.n_in)
+
+
+@dataclass
+class VoxelLevel:
+    """The voxels of one resolution, with the maps and the coarser levels made from it so far.
+
+    Attributes:
+        coords: Columns batch, x, y, z; unique and sorted.
+    """
+
+    coords: Int64[Tensor, 'voxels 4']
+    _keys: Tensor = field(init=False, repr=False)
+    _maps: dict[KernelSpec, KernelMap] = field(init=False, repr=False, default_factory=dict)
+    _coarser: dict[Triple, 'VoxelLevel'] = field(init=False, repr=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.coords.ndim != 2 or self.coords.shape[1] != 4 or self.coords.dtype != torch.int64:
+            raise ValueError(
+                f'coords must be int64 (V, 4) as voxelize gives, got {self.coords.dtype} {tuple(self.coords.shape)}'
+            )
+        if bool((self.coords[:, 1:].abs() > COORDINATE_LIMIT).any()):
+            raise ValueError(f'voxel coordinates must stay within +-{COORDINATE_LIMIT}; move the scene to its origin')
+        self._keys = pack_coords(self.coords)
+        if bool((self._keys.diff() <= 0).any()):
+            raise ValueError('coords must be unique and sorted by (batch, x, y, z), as voxelize gives them')
+
+    def __len__(self) -> int:
+        return len(self.coords)
+
+    def coarser(self, stride: Triple) -> 'VoxelLevel':
+        """The level of the cells ``floor(coordinate / stride)`` that hold a voxel; built on first use."""
+        if stride == (1, 1, 1):
+            return self
+        if stride not in self._coarser:
+            steps = self.coords.new_tensor([1, *stride])
+            cells = torch.div(self.coords, steps, rounding_mode='floor')
+            keys, inverse = torch.unique(pack_coords(cells), sorted=True, return_inverse=True)
+            coords = cells.new_empty((len(keys), 4))
+            coords[inverse] = cells  # every voxel of a cell writes the same row
+            self._coarser[stride] = VoxelLevel(coords)
+        return self._coarser[stride]
+
+    def kernel_map(self, spec: KernelSpec) -> KernelMap:
+        """The pairs of a convolution from this level to :meth:`coarser` of its stride; built on first use."""
+        if spec not in self._maps:
+            self._maps[spec] = _build_map(self, self.coarser(spec.stride), spec)
+        return self._maps[spec]
+
+
+def _build_map(source: VoxelLevel, target: VoxelLevel, spec: KernelSpec) -> KernelMap:
+    offsets = spec.offsets()
+    if max(abs(v) for offset in offsets for v in offset) > _REACH_LIMIT:
+        raise ValueError(f'a kernel reaches at most {_REACH_LIMIT} voxels, got {spec}')
+    deltas = [((x << AXIS_BITS) + y << AXIS_BITS) + z for x, y, z in offsets]
+    anchors = pack_coords(target.coords * target.coords.new_tensor([1, *spec.stride]))
+    if source.coords.is_cuda:
+        pair_in, pair_out, counts = _pairs_searched(source._keys, anchors, deltas)
+    else:
+        found_in, found_out, found = _pairs_merged(source._keys.numpy(), anchors.numpy(), np.array(deltas))
+        pair_in, pair_out, counts = torch.from_numpy(found_in), torch.from_numpy(found_out), list(found)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return KernelMap(pair_in, pair_out, starts, len(source), len(target))
+
+
+def _pairs_searched(keys: Tensor, anchors: Tensor, deltas: list[int]) -> tuple[Tensor, Tensor, list[int]]:
+    """Pairs by binary search in plain torch; runs on any device."""
+    rows_in, rows_out = [], []
+    for delta in deltas:
+        wanted = anchors + delta
+        place = torch.searchsorted(keys, wanted).clamp_(max=max(len(keys) - 1, 0))
+        hit = (keys[place] == wanted).nonzero()[:, 0]
+        rows_in.append(place[hit].int())
+        rows_out.append(hit.int())
+    return torch.cat(rows_in), torch.cat(rows_out), [len(rows) for rows in rows_in]
+
+
+@njit(cache=True)
+def _pairs_merged(keys, anchors, deltas):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Pairs by one merge of two sorted lists per offset: both lists are read in order, nothing is searched."""
+    pair_in = np.empty(len(deltas) * len(anchors), np.int32)
+    pair_out = np.empty(len(deltas) * len(anchors), np.int32)
+    counts = np.zeros(len(deltas), np.int64)
+    total = 0
+    for k in range(len(deltas)):
+        first = total
+        i = 0
+        for j in range(len(anchors)):
+            wanted = anchors[j] + deltas[k]
+            while i < len(keys) and keys[i] < wanted:
+                i += 1
+            if i == len(keys):
+                break
+            if keys[i] == wanted:
+                pair_in[total] = i
+                pair_out[total] = j
+                total += 1
+        counts[k] = total - first
+    return pair_in[:total].copy(), pair_out[:total].copy(), counts

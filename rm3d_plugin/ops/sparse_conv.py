@@ -1,0 +1,141 @@
+"""Sparse convolution and pooling over a kernel map: output row += input row @ weight of the offset, for every pair."""
+
+from typing import Any, Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from rm3d_plugin.ops.kernel_map import KernelMap
+
+
+def sparse_conv(
+    features: Float[Tensor, 'inputs in_channels'],
+    weight: Float[Tensor, 'offsets in_channels out_channels'],
+    kernel_map: KernelMap,
+    bias: Float[Tensor, 'out_channels'] | None = None,
+) -> Float[Tensor, 'outputs out_channels']:
+    """Convolve sparse voxels: submanifold, strided or (with a transposed map) inverse, as the map says.
+
+    Equal to a dense convolution whose empty voxels are zero, read at the output voxels only. Sums run over the
+    offsets in order, so results do not change from run to run nor with the number of threads.
+
+    Args:
+        features: One row per input voxel.
+        weight: One matrix per kernel offset, in the order of ``KernelSpec.offsets``.
+        kernel_map: From ``VoxelLevel.kernel_map``; ``.transposed()`` of it for the inverse convolution.
+        bias: Added to every output row.
+
+    Raises:
+        ValueError: If features or weight do not fit the map.
+    """
+    if features.shape[0] != kernel_map.n_in or weight.shape[:2] != (len(kernel_map.starts) - 1, features.shape[1]):
+        raise ValueError(
+            f'the map has {kernel_map.n_in} input voxels and {len(kernel_map.starts) - 1} offsets; '
+            f'got features {tuple(features.shape)} and weight {tuple(weight.shape)} (offsets, in, out)'
+        )
+    out = _SparseConv.apply(features, weight, kernel_map)  # type: ignore[no-untyped-call]
+    return out if bias is None else out + bias
+
+
+def sparse_pool(
+    features: Float[Tensor, 'inputs channels'], kernel_map: KernelMap, reduce: Literal['max', 'avg']
+) -> Float[Tensor, 'outputs channels']:
+    """Pool over the voxels that exist under the kernel; an output voxel with none of them is zero.
+
+    Args:
+        features: One row per input voxel.
+        kernel_map: From ``VoxelLevel.kernel_map``.
+        reduce: ``'max'`` (a tie sends its gradient to the lowest offset) or ``'avg'`` over existing voxels.
+    """
+    if reduce == 'max':
+        return _MaxPool.apply(features, kernel_map)  # type: ignore[no-untyped-call]
+    if reduce != 'avg':
+        raise ValueError(f"reduce must be 'max' or 'avg', got {reduce!r}")
+    ones = features.new_ones((len(kernel_map.starts) - 1, 1, 1))
+    counts = sparse_conv(features.new_ones((kernel_map.n_in, 1)), ones, kernel_map).clamp_(min=1)
+    return _SumPool.apply(features, kernel_map) / counts  # type: ignore[no-untyped-call]
+
+
+def _offset_pairs(kernel_map: KernelMap, k: int) -> tuple[Tensor, Tensor]:
+    pairs = slice(int(kernel_map.starts[k]), int(kernel_map.starts[k + 1]))
+    return kernel_map.pair_in[pairs], kernel_map.pair_out[pairs]
+
+
+def _forward(features: Tensor, weight: Tensor, kernel_map: KernelMap) -> Tensor:
+    out = features.new_zeros((kernel_map.n_out, weight.shape[2]))
+    for k in range(len(weight)):
+        rows_in, rows_out = _offset_pairs(kernel_map, k)
+        out.index_add_(0, rows_out, features.index_select(0, rows_in) @ weight[k])
+    return out
+
+
+def _weight_grad(features: Tensor, grad: Tensor, kernel_map: KernelMap) -> Tensor:
+    out = features.new_empty((len(kernel_map.starts) - 1, features.shape[1], grad.shape[1]))
+    for k in range(len(out)):
+        rows_in, rows_out = _offset_pairs(kernel_map, k)
+        torch.mm(features.index_select(0, rows_in).T, grad.index_select(0, rows_out), out=out[k])
+    return out
+
+
+class _SparseConv(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, features: Tensor, weight: Tensor, kernel_map: KernelMap) -> Tensor:
+        ctx.save_for_backward(features, weight)
+        ctx.kernel_map = kernel_map
+        return _forward(features, weight, kernel_map)
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
+        features, weight = ctx.saved_tensors
+        grad_features = grad_weight = None
+        if ctx.needs_input_grad[0]:
+            grad_features = _forward(grad, weight.transpose(1, 2), ctx.kernel_map.transposed())
+        if ctx.needs_input_grad[1]:
+            grad_weight = _weight_grad(features, grad, ctx.kernel_map)
+        return grad_features, grad_weight, None
+
+
+class _SumPool(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, features: Tensor, kernel_map: KernelMap) -> Tensor:
+        ctx.kernel_map = kernel_map
+        return _sum_pairs(features, kernel_map)
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
+        return _sum_pairs(grad, ctx.kernel_map.transposed()), None
+
+
+def _sum_pairs(features: Tensor, kernel_map: KernelMap) -> Tensor:
+    out = features.new_zeros((kernel_map.n_out, features.shape[1]))
+    for k in range(len(kernel_map.starts) - 1):
+        rows_in, rows_out = _offset_pairs(kernel_map, k)
+        out.index_add_(0, rows_out, features.index_select(0, rows_in))
+    return out
+
+
+class _MaxPool(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, features: Tensor, kernel_map: KernelMap) -> Tensor:
+        best = features.new_full((kernel_map.n_out, features.shape[1]), -torch.inf)
+        winner = torch.full_like(best, -1, dtype=torch.int64)
+        for k in range(len(kernel_map.starts) - 1):
+            rows_in, rows_out = _offset_pairs(kernel_map, k)
+            candidate, current = features.index_select(0, rows_in), best.index_select(0, rows_out)
+            wins = candidate > current
+            best[rows_out] = torch.where(wins, candidate, current)
+            winner[rows_out] = torch.where(wins, rows_in[:, None].long(), winner[rows_out])
+        ctx.save_for_backward(winner)
+        ctx.kernel_map = kernel_map
+        return best.masked_fill_(winner < 0, 0)
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
+        (winner,) = ctx.saved_tensors
+        out = grad.new_zeros((ctx.kernel_map.n_in, grad.shape[1]))
+        for k in range(len(ctx.kernel_map.starts) - 1):
+            rows_in, rows_out = _offset_pairs(ctx.kernel_map, k)
+            won = winner.index_select(0, rows_out) == rows_in[:, None]
+            out.index_add_(0, rows_in, grad.index_select(0, rows_out).masked_fill_(~won, 0))
+        return out, None
