@@ -1,0 +1,7 @@
+"""Regions that merge: similarities, conditions, schedule, and the ledger that says why."""
+
+from rm3d_plugin.regions.ledger import MergeLedger, Reason
+from rm3d_plugin.regions.merge import MergeResult, merge
+from rm3d_plugin.regions.strategy import MergeStrategy, TermWeights
+
+__all__ = ['MergeLedger', 'MergeResult', 'MergeStrategy', 'Reason', 'TermWeights', 'merge']

@@ -1,0 +1,85 @@
+"""What was decided about each pair of adjacent regions, and why."""
+
+from dataclasses import dataclass, fields
+from enum import IntEnum
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+
+class Reason(IntEnum):
+    """Why a pair was accepted or refused; the first that applies in this order."""
+
+    MERGED = 0
+    NOT_CONFIDENT = 1
+    OTHER_CLASS = 2
+    NOT_SIMILAR = 3
+    CENTRES_APART = 4
+    OTHER_INSTANCE = 5
+    NOT_REACHED = 6  # fit to merge, but no seed led there: both ends were settled before
+    SAME_GROUP = 7  # joined by other pairs
+
+
+@dataclass(frozen=True, eq=False)
+class MergeLedger:
+    """One row for each edge of the region graph, in the graph's order.
+
+    Attributes:
+        region_a: (E,) int64 lower region.
+        region_b: (E,) int64 higher region.
+        M_color: (E,) similarity of colour in [0, 1], NaN where missing; as the next three.
+        M_scale: (E,) similarity of extents.
+        M_des: (E,) affinity of normals and descriptors.
+        M_seg: (E,) similarity of the network's softmax.
+        S: (E,) weighted sum of the terms.
+        Sbar: (E,) S over the sum of the weights.
+        threshold: (E,) what S (literal) or Sbar (normalised) had to reach.
+        accepted: (E,) bool, this pair joined two groups.
+        became_seed: (E,) bool, the region that joined let its group grow on (Condition 4).
+        round: (E,) int64.
+        reason: (E,) int64 :class:`Reason`.
+    """
+
+    region_a: Int[np.ndarray, ' edges']
+    region_b: Int[np.ndarray, ' edges']
+    M_color: Float[np.ndarray, ' edges']
+    M_scale: Float[np.ndarray, ' edges']
+    M_des: Float[np.ndarray, ' edges']
+    M_seg: Float[np.ndarray, ' edges']
+    S: Float[np.ndarray, ' edges']
+    Sbar: Float[np.ndarray, ' edges']
+    threshold: Float[np.ndarray, ' edges']
+    accepted: Bool[np.ndarray, ' edges']
+    became_seed: Bool[np.ndarray, ' edges']
+    round: Int[np.ndarray, ' edges']
+    reason: Int[np.ndarray, ' edges']
+
+    def __post_init__(self) -> None:
+        for column in fields(self):
+            rows = len(getattr(self, column.name))
+            if rows != len(self.region_a):
+                raise ValueError(f'MergeLedger.{column.name}: expected {len(self.region_a)} rows, got {rows}')
+
+    def __len__(self) -> int:
+        return len(self.region_a)
+
+    def select(self, rows: np.ndarray) -> 'MergeLedger':
+        """The rows that ``rows`` (integers or a boolean mask) names; ``ledger.select(ledger.accepted)``, say."""
+        return MergeLedger(**{name: column[rows] for name, column in self.to_arrays().items()})
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Columns by name, for an npz file."""
+        return {column.name: getattr(self, column.name) for column in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> 'MergeLedger':
+        """The inverse of :meth:`to_arrays`; other columns are ignored.
+
+        Raises:
+            ValueError: A column is missing.
+        """
+        names = [column.name for column in fields(cls)]
+        missing = [name for name in names if name not in arrays]
+        if missing:
+            raise ValueError(f'MergeLedger: columns {missing} are missing; the file is not a ledger of this version')
+        return cls(**{name: np.asarray(arrays[name]) for name in names})

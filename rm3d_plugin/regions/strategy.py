@@ -1,0 +1,161 @@
+"""How regions merge: thresholds, switches and the schedule of the weights (METHOD 6)."""
+
+from dataclasses import dataclass, fields
+from math import isfinite
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from jaxtyping import Float, Int
+
+Thresholds = Literal['normalised', 'literal']
+Pooling = Literal['mean', 'max']
+
+
+class TermWeights(NamedTuple):
+    """The weights y1..y4 of S; zero for a term that is switched off."""
+
+    color: float
+    scale: float
+    descriptor: float
+    semantics: float
+
+
+@dataclass(frozen=True)
+class MergeStrategy:
+    """Every number of the merging step, and nothing that changes while it runs.
+
+    S is a weighted sum of four similarities whose weights move from geometry to semantics. Printed thresholds on the
+    sum cannot be reached late in the schedule (Condition 4 for t > .75, Condition 3 for t > .875), so the default
+    compares the weighted *mean* with half of each threshold, which is the same at t = 1/2; ``thresholds='literal'``
+    keeps the printed rule.
+
+    Attributes:
+        tau_merge: Condition 3, S from which two regions merge (a sum, as printed); larger: fewer merges.
+        tau_seed: Condition 4, S from which a merged region lets the group grow on; larger: shorter chains.
+        thresholds: 'normalised' compares S / sum(y) with tau / 2, 'literal' compares S with tau.
+        gamma: Softmax from which a region is confident; larger: fewer and purer labels.
+        lambda_seg: Steepness of the semantic similarity exp(-lambda |p - q|^2).
+        lambda_normal: Weight of the normals in the affinity (Condition 1 and the descriptor similarity).
+        lambda_descriptor: Weight of the descriptors in the affinity.
+        weight_balancing: False gives every term the weight 1 in every round.
+        use_color: Keep the colour (or intensity) term.
+        use_scale: Keep the scale term.
+        use_descriptor: Keep the affinity of normals and descriptors.
+        use_semantics: Keep the network's term.
+        use_normal_affinity: Keep the normals within the affinity.
+        use_descriptor_affinity: Keep the descriptors within the affinity.
+        neighbors: Nearest adjacent regions that become edges of the graph.
+        permanent: True keeps every label once given; False demotes those that lose the network's support.
+        demote_margin: A label falls when its class's pooled probability is under ``gamma - demote_margin``.
+        pooling: 'mean' of the points' softmax over a region, or their 'max' per class, renormalised (as printed).
+        color_sigma: Lab distance at which the colour similarity is exp(-1/2).
+        intensity_sigma: The same for a lidar's return strength in [0, 1].
+        centre_distance: Regions of one class are one instance if their shifted centres are nearer than this (metres);
+            one number for all classes, one a class (None: not asked for that class), or None: never asked.
+        rounds: Rounds in which the weights go from (1, 1, 1, 0) to (0, 0, 0, 1).
+        seed_share: Share of the regions, flattest first, that are seeds beside the labelled ones.
+
+    Raises:
+        ValueError: A value is out of its range; the message names the field.
+    """
+
+    tau_merge: float = 1.25
+    tau_seed: float = 1.5
+    thresholds: Thresholds = 'normalised'
+    gamma: float = 0.75
+    lambda_seg: float = 2.0
+    lambda_normal: float = 1.0
+    lambda_descriptor: float = 1.0
+    weight_balancing: bool = True
+    use_color: bool = True
+    use_scale: bool = True
+    use_descriptor: bool = True
+    use_semantics: bool = True
+    use_normal_affinity: bool = True
+    use_descriptor_affinity: bool = True
+    neighbors: int = 8
+    permanent: bool = True
+    demote_margin: float = 0.15
+    pooling: Pooling = 'mean'
+    color_sigma: float = 15.0
+    intensity_sigma: float = 0.1
+    centre_distance: float | tuple[float | None, ...] | None = None
+    rounds: int = 8
+    seed_share: float = 0.002
+
+    def __post_init__(self) -> None:
+        for name in ('tau_merge', 'tau_seed'):
+            self._check(name, 0 <= getattr(self, name) <= 4, 'a sum of four similarities, in [0, 4]')
+        self._check('tau_seed', self.tau_seed >= self.tau_merge, f'at least tau_merge = {self.tau_merge}')
+        self._check('thresholds', self.thresholds in get_args(Thresholds), f'one of {get_args(Thresholds)}')
+        self._check('pooling', self.pooling in get_args(Pooling), f'one of {get_args(Pooling)}')
+        self._check('gamma', 0 < self.gamma <= 1, 'a probability in (0, 1]')
+        for name in ('lambda_seg', 'lambda_normal', 'lambda_descriptor'):
+            self._check(name, isfinite(getattr(self, name)) and getattr(self, name) >= 0, 'a number >= 0')
+        self._check('demote_margin', 0 <= self.demote_margin <= self.gamma, 'in [0, gamma]')
+        for name in ('color_sigma', 'intensity_sigma'):
+            self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
+        for name in ('neighbors', 'rounds'):
+            self._check(name, isinstance(getattr(self, name), int) and getattr(self, name) >= 1, 'an integer >= 1')
+        self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
+        if isinstance(self.centre_distance, list):  # a config file knows no tuples in JSON
+            object.__setattr__(self, 'centre_distance', tuple(self.centre_distance))
+        distances = self.centre_distance if isinstance(self.centre_distance, tuple) else (self.centre_distance,)
+        self._check('centre_distance', all(d is None or d > 0 for d in distances), 'metres > 0, or None')
+        switches = [f.name for f in fields(self) if f.name.startswith('use_')]
+        for name in (*switches, 'weight_balancing', 'permanent'):
+            self._check(name, isinstance(getattr(self, name), bool), 'True or False')
+
+    def _check(self, name: str, good: bool, expected: str) -> None:
+        if not good:
+            raise ValueError(f'MergeStrategy.{name}: expected {expected}, got {getattr(self, name)!r}')
+
+    def weights(self, round: int) -> TermWeights:
+        """The weights of one round: (1, 1, 1, 0) in round 0, (0, 0, 0, 1) in the last.
+
+        Args:
+            round: 0 .. rounds.
+
+        Raises:
+            ValueError: The round is outside the schedule.
+        """
+        if not 0 <= round <= self.rounds:
+            raise ValueError(f'MergeStrategy.weights: expected a round in 0..{self.rounds}, got {round}')
+        t = round / self.rounds
+        geometry, semantics = (1.0 - t, t) if self.weight_balancing else (1.0, 1.0)
+        return TermWeights(
+            color=geometry * self.use_color,
+            scale=geometry * self.use_scale,
+            descriptor=geometry * self.use_descriptor,
+            semantics=semantics * self.use_semantics,
+        )
+
+    def merge_threshold(self) -> float:
+        """Condition 3's limit for the value that :attr:`thresholds` compares."""
+        return self.tau_merge / 2 if self.thresholds == 'normalised' else self.tau_merge
+
+    def seed_threshold(self) -> float:
+        """Condition 4's limit for the value that :attr:`thresholds` compares."""
+        return self.tau_seed / 2 if self.thresholds == 'normalised' else self.tau_seed
+
+    def centre_limit(self, classes: Int[np.ndarray, ' regions']) -> Float[np.ndarray, ' regions']:
+        """Largest distance to a shifted centre of the same instance, metres, for regions of these classes.
+
+        Args:
+            classes: Class of each region; -1 (unknown) is never asked.
+
+        Returns:
+            (R,) metres; infinite where the distance is not asked.
+
+        Raises:
+            ValueError: ``centre_distance`` is one a class, and has too few of them.
+        """
+        given = self.centre_distance
+        if not isinstance(given, tuple):
+            return np.full(len(classes), np.inf if given is None else given)
+        if len(classes) and classes.max() >= len(given):
+            raise ValueError(
+                f'MergeStrategy.centre_distance: {len(given)} numbers (one a class), but a region has class '
+                f'{classes.max()}'
+            )
+        return np.array([*(np.inf if d is None else d for d in given), np.inf])[classes]
