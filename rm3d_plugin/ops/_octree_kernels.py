@@ -1,10 +1,11 @@
 """The loops of the octree. Positions are rows of the Morton-ordered copy of the points; all arithmetic is float64.
 
-Boxes are the tight bounds of an octant's points, stored as (low xyz, high xyz). Rounding is monotone, so a squared distance
-to a box bounds that to each of its points in floating point too, and no test needs a tolerance.
+Boxes are the tight bounds of an octant's points, stored as (low xyz, high xyz). Rounding is monotone, so a squared
+distance to a box bounds that to each of its points in floating point too, and no test needs a tolerance.
 """
 
 # mypy: disable-error-code="no-untyped-def"
+# ruff: noqa: ANN001, ANN201, ANN202
 import numpy as np
 from numba import njit
 
@@ -76,9 +77,10 @@ def bound_nodes(points, codes, nodes, edge):
                     low = min(low, boxes[child, axis])
                     high = max(high, boxes[child, axis + 3])
             boxes[node, axis], boxes[node, axis + 3] = low, high
-            corner = 0
+            corner = 0.0
             for bit in range(BITS - level, BITS):
-                corner |= np.int64((codes[start] >> np.uint64(3 * bit + axis)) & np.uint64(1)) << bit
+                if (codes[start] >> np.uint64(3 * bit + axis)) & np.uint64(1):
+                    corner += 2.0**bit
             half = 2.0 ** (BITS - level - 1)
             cubes[node, axis] = (corner + half) * cell
             cubes[node, 3] = half * cell
@@ -171,34 +173,29 @@ def radius_block(tree, queries, rows, low, radius, margin, rules, ordered):
     visits = 0
     for row in range(rows.shape[0]):
         x, y, z = queries[rows[row], 0], queries[rows[row], 1], queries[rows[row], 2]
+        local_x, local_y, local_z = x - low[0], y - low[1], z - low[2]
         begin = filled
         stack[0] = 0
         waiting = 1
+        visits += 1
         while waiting > 0:
             waiting -= 1
             node = stack[waiting]
-            visits += 1
-            if skip_disjoint and _near_sq(boxes, node, x, y, z) > limit:
-                continue
-            if stop_inside and _ball_inside(cubes, node, x - low[0], y - low[1], z - low[2], radius + margin):
-                waiting = 0
-            start, stop, children = nodes[node, 0], nodes[node, 1], nodes[node, 3]
+            start, stop, first, children = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
             whole = take_contained and _far_sq(boxes, node, x, y, z) <= limit
             if children > 0 and not whole:
-                first = nodes[node, 2]
-                inside = -1
                 for child in range(first, first + children):
-                    if stop_inside and _ball_inside(cubes, child, x - low[0], y - low[1], z - low[2], margin):
-                        inside = child
-                    else:
-                        stack[waiting] = child
-                        waiting += 1
-                if inside >= 0:
-                    stack[waiting] = inside
+                    visits += 1
+                    if skip_disjoint and _near_sq(boxes, child, x, y, z) > limit:
+                        continue
+                    if stop_inside and _ball_inside(cubes, child, local_x, local_y, local_z, radius + margin):
+                        stack[0], waiting = child, 1
+                        break
+                    stack[waiting] = child
                     waiting += 1
                 continue
-            if filled + stop - start > capacity:
-                capacity = max(2 * capacity, filled + stop - start)
+            if filled + stop - start >= capacity:
+                capacity = max(2 * capacity, filled + stop - start + 1)
                 grown_indices = np.empty(capacity, dtype=np.int32)
                 grown_dists = np.empty(capacity, dtype=np.float64)
                 grown_indices[:filled] = indices[:filled]
@@ -207,10 +204,9 @@ def radius_block(tree, queries, rows, low, radius, margin, rules, ordered):
             for i in range(start, stop):
                 dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
                 sq = dx * dx + dy * dy + dz * dz
-                if whole or sq <= limit:
-                    indices[filled] = order[i]
-                    dists[filled] = sq
-                    filled += 1
+                indices[filled] = order[i]
+                dists[filled] = sq
+                filled += whole or sq <= limit
         counts[row] = filled - begin
         if ordered:
             _sort_row(dists, indices, begin, filled - begin)
@@ -219,7 +215,7 @@ def radius_block(tree, queries, rows, low, radius, margin, rules, ordered):
 
 @njit(cache=True, nogil=True)
 def nearest_block(tree, queries, rows, k, radius):
-    """The k nearest points within ``radius`` of ``queries[rows]``, nearest first: counts, indices (M, k), squared distances.
+    """The k nearest points within ``radius`` of ``queries[rows]``: counts, indices (M, k), squared distances, visits.
 
     Rows ascend along the Morton curve: the k points around the previous query bound the distance of the next one's.
     """

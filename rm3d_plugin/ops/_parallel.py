@@ -1,8 +1,8 @@
 """Threads for numba kernels that release the interpreter lock.
 
-Plain Python threads over fixed blocks instead of numba's ``prange``: the blocks never depend on the number of threads, so
-neither does a result; nothing has to be started before a fork (a data loader's worker, say); and kernels compile in a
-fraction of the time that numba's parallel backend takes.
+Plain Python threads over fixed blocks instead of numba's ``prange``: the blocks never depend on the number of threads,
+so neither does a result; no thread outlives a call, so a process may fork afterwards (a data loader's worker, say); and
+kernels compile in a fraction of the time that numba's parallel backend takes.
 """
 
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """Morton (Z-order) codes: points that are near in space become near in memory (METHOD 4)."""
 
+# mypy: disable-error-code="no-untyped-def"
+# ruff: noqa: ANN001, ANN201, ANN202
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +24,7 @@ class Grid(NamedTuple):
 
 
 @njit(cache=True, nogil=True, inline='always')
-def spread_bits(value):  # type: ignore[no-untyped-def]
+def spread_bits(value):
     """Put two zero bits between the lowest 21 bits."""
     x = np.uint64(value)
     x = (x | (x << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
@@ -34,7 +36,7 @@ def spread_bits(value):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _encode(points, low, scale, codes):  # type: ignore[no-untyped-def]
+def _encode(points, low, scale, codes):
     top = np.float64((1 << BITS) - 1)
     for i in range(points.shape[0]):
         code = np.uint64(0)
@@ -45,7 +47,7 @@ def _encode(points, low, scale, codes):  # type: ignore[no-untyped-def]
 
 
 def enclosing_cube(points: Float[np.ndarray, 'points 3']) -> Grid:
-    """The smallest axis-parallel cube at the lowest corner of ``points`` (metres); an edge of 1 m for a single place."""
+    """The smallest axis-parallel cube at the lowest corner of ``points`` (metres); edge 1 m for a single place."""
     if len(points) == 0:
         return Grid(np.zeros(3), 1.0)
     low = points.min(axis=0).astype(np.float64)

@@ -67,9 +67,9 @@ def _checked(name: str, points: np.ndarray) -> Float[np.ndarray, 'points 3']:
 class Octree:
     """Points in Morton order, so that each octant is a contiguous range, and the octants over them.
 
-    Distances are computed in float64 from the coordinates as given, so that wide coordinates lose nothing and the results
-    are those of an exhaustive search (``d * d <= r * r``), whatever the number of threads. Queries are answered along
-    the Morton curve and returned in the order they came.
+    Distances are computed in float64 from the coordinates as given, so that wide coordinates lose nothing and the
+    results are those of an exhaustive search (``d * d <= r * r``), whatever the number of threads. Queries are answered
+    along the Morton curve and returned in the order they came.
 
     Args:
         points: (N, 3) metres, finite; float32 or float64.
@@ -125,8 +125,8 @@ class Octree:
             queries: (M, 3) metres; a query that is itself a point of the tree finds itself.
             r: Radius in metres, inclusive.
             max_neighbors: Keep the nearest so many of each query; None keeps all.
-            ordered: Sort each query's neighbours by distance, then point number. False spares that where all are kept and
-                leaves them in the order of the tree, which is deterministic too.
+            ordered: Sort each query's neighbours by distance, then point number. False spares that where all are kept
+                and leaves them in the order of the tree, which is deterministic too.
 
         Returns:
             The neighbours in CSR, in the order of the queries.
@@ -150,7 +150,7 @@ class Octree:
         return _assemble(map_blocks(work, len(rows), BLOCK), rows, stride=0)
 
     def hybrid(self, queries: Float[np.ndarray, 'queries 3'], r: float, max_neighbors: int) -> Neighbors:
-        """The nearest ``max_neighbors`` points within ``r`` metres, by distance, then point number; see :meth:`radius`."""
+        """The nearest ``max_neighbors`` points within ``r`` metres, as :meth:`radius` with a cap."""
         if not (np.isfinite(r) and r >= 0):
             raise ValueError(f'Octree.hybrid: r: expected a radius in metres, got {r}')
         array, rows = self._prepare(queries)
