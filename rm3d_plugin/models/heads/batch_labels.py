@@ -1,0 +1,71 @@
+"""The labels of a batch, rows joined as the points are."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from rm3d_plugin.structures import SceneError, SceneSample
+
+
+class BatchLabels(NamedTuple):
+    """What training may read of a batch of scenes.
+
+    Attributes:
+        boxes: (M, 7) boxes of all scenes.
+        classes: (M,) their classes.
+        is_true: (M,) True for a revealed box, False for a pseudo box.
+        box_offsets: (B + 1,) rows of the scenes among the boxes.
+        semantic: (N,) class of each point; the number of box classes = background, -1 = unknown.
+        instance: (N,) row of ``boxes`` that holds the point, -1 = none or unknown.
+    """
+
+    boxes: Float[Tensor, 'boxes 7']
+    classes: Int[Tensor, ' boxes']
+    is_true: Bool[Tensor, ' boxes']
+    box_offsets: Int[Tensor, ' scenes_and_one']
+    semantic: Int[Tensor, ' points']
+    instance: Int[Tensor, ' points']
+
+
+def _field(sample: SceneSample, name: str, rows: int, fill: float, like: Tensor) -> Tensor:
+    """A field of a sample as a tensor; ``fill`` in every row where it is absent."""
+    if name not in sample:
+        return torch.full((rows,), fill, device=like.device).to(like.dtype)
+    value = torch.as_tensor(sample.get(name), device=like.device).to(like.dtype)
+    if len(value) != rows:
+        raise SceneError(f'{sample.get("scene_id")}: {name}: expected {rows} rows, got {len(value)}')
+    return value
+
+
+def join_labels(samples: Sequence[Any], batch_offsets: Int[Tensor, ' scenes_and_one']) -> BatchLabels:
+    """Join the labels of the samples of a batch.
+
+    Points without a mask are unknown; boxes without ``gt_is_true`` are true.
+
+    Raises:
+        SceneError: A field has another number of rows than the scene has points or boxes.
+    """
+    device = batch_offsets.device
+    real, whole = torch.zeros(0, device=device), torch.zeros(0, dtype=torch.int64, device=device)
+    flag = torch.zeros(0, dtype=torch.bool, device=device)
+    parts: list[tuple[Tensor, ...]] = []
+    first = 0
+    for sample, rows in zip(samples, batch_offsets.diff().tolist(), strict=True):
+        given = sample.get('gt_bboxes_3d', real)
+        boxes = torch.as_tensor(given, device=device).to(torch.float32).reshape(-1, 7)
+        classes = _field(sample, 'gt_labels_3d', len(boxes), 0, whole)
+        semantic = _field(sample, 'pts_semantic_mask', rows, -1, whole)
+        instance = _field(sample, 'pts_instance_mask', rows, -1, whole)
+        if rows and int(instance.max()) >= len(boxes):
+            raise SceneError(
+                f'{sample.get("scene_id")}: pts_instance_mask names box {int(instance.max())} of {len(boxes)}'
+            )
+        instance = torch.where(instance >= 0, instance + first, -1)
+        parts.append((boxes, classes, _field(sample, 'gt_is_true', len(boxes), 1, flag), semantic, instance))
+        first += len(boxes)
+    boxes, classes, is_true, semantic, instance = (torch.cat(column) for column in zip(*parts, strict=True))
+    counts = torch.tensor([0] + [len(part[0]) for part in parts], device=device)
+    return BatchLabels(boxes, classes, is_true, counts.cumsum(0), semantic, instance)

@@ -1,0 +1,188 @@
+"""VoteNet's head on a sparse U-Net: points vote, votes are grouped, groups become boxes (METHOD 7)."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from rm3d_plugin.models.heads.batch_labels import BatchLabels
+from rm3d_plugin.models.heads.box_coder import BoxPrediction, prediction_width, split_prediction
+from rm3d_plugin.models.heads.seeds import choose_seeds
+from rm3d_plugin.models.heads.vote_losses import proposal_losses, vote_loss
+from rm3d_plugin.models.heads.vote_targets import (
+    ProposalTargets,
+    box_distances,
+    known_share,
+    proposal_targets,
+    vote_targets,
+)
+from rm3d_plugin.ops.grouping import ball_query, gather_groups, group_max
+from rm3d_plugin.ops.sampling import furthest_point_sample_batch
+from rm3d_plugin.registry import MODELS
+
+
+class VoteOutput(NamedTuple):
+    """What the head computed for a batch.
+
+    Attributes:
+        offsets: (N, 3) metres from every point to where it votes its object's centre to be.
+        anchors: (P, 3) proposals: the votes they were grouped around, metres.
+        anchor_offsets: (B + 1,) rows of the scenes among the proposals.
+        members: (P, K) point rows of the seeds grouped, -1 = none.
+        prediction: The boxes.
+    """
+
+    offsets: Float[Tensor, 'points 3']
+    anchors: Float[Tensor, 'proposals 3']
+    anchor_offsets: Int[Tensor, ' scenes_and_one']
+    members: Int[Tensor, 'proposals members']
+    prediction: BoxPrediction
+
+
+def _mlp(widths: Sequence[int]) -> nn.Sequential:
+    """Linear, LayerNorm, ReLU for each step; rows do not depend on the rest of the batch."""
+    steps: list[nn.Module] = []
+    for a, b in zip(widths[:-1], widths[1:], strict=True):
+        steps += [nn.Linear(a, b, bias=False), nn.LayerNorm(b), nn.ReLU(inplace=True)]
+    return nn.Sequential(*steps)
+
+
+def _by_class(value: float | Sequence[float], num_classes: int, name: str) -> Tensor:
+    values = [float(value)] * num_classes if isinstance(value, int | float) else [float(v) for v in value]
+    if len(values) != num_classes or min(values) <= 0:
+        raise ValueError(f'VoteHead.{name}: expected a positive length or {num_classes} of them, got {value}')
+    return torch.tensor(values)
+
+
+@MODELS.register_module()
+class VoteHead(nn.Module):
+    """Votes and proposals.
+
+    ::
+
+        features (N, F) -> vote MLP -> offset (N, 3)
+                            seeds  +-> feature residual -> votes -> FPS -> ball -> MLP, max -> MLP -> boxes
+
+    Layer instead of batch normalisation: a batch of one scene on a small machine trains as well, and training and
+    prediction compute the same.
+
+    Args:
+        in_channels: Features of a point.
+        num_classes: Box classes C.
+        mean_sizes: (C, 3) size templates in metres (length, width, height); ones until :meth:`set_mean_sizes`.
+        heading_bins: NH: 12 for oriented boxes, 1 for axis-aligned ones.
+        num_seeds: Points of each scene that vote for proposals. Larger: small and far objects are seen, slower.
+        num_proposals: Proposals a scene.
+        hidden: Width of the MLPs.
+        radius: Metres around a proposal in which votes are grouped; about .3 indoors, 1.2 for cars.
+        samples: Most votes a group.
+        near: Metres (one, or one a class) within which a proposal is an object.
+        far: Metres (one, or one a class) beyond which it is none.
+        seed_threshold: Predicted foreground probability from which a point is preferred as seed. Larger: fewer
+            doubtful points.
+        vote_balance: See :func:`vote_targets`.
+        unlabelled_weight: See :func:`known_share`.
+        loss_weight: Factor of VoteNet's loss (10 in METHOD 7).
+    """
+
+    mean_sizes: Tensor
+    near: Tensor
+    far: Tensor
+
+    def __init__(
+        self,
+        in_channels: int,
+        num_classes: int,
+        mean_sizes: Sequence[Sequence[float]] | None = None,
+        heading_bins: int = 12,
+        num_seeds: int = 256,
+        num_proposals: int = 96,
+        hidden: int = 64,
+        radius: float = 0.3,
+        samples: int = 16,
+        near: float | Sequence[float] = 0.3,
+        far: float | Sequence[float] = 0.6,
+        seed_threshold: float = 0.2,
+        vote_balance: float = 0.5,
+        unlabelled_weight: float = 0.0,
+        loss_weight: float = 10.0,
+    ) -> None:
+        super().__init__()
+        self.num_classes, self.heading_bins = num_classes, heading_bins
+        self.num_seeds, self.num_proposals = num_seeds, num_proposals
+        self.radius, self.samples = radius, samples
+        self.seed_threshold, self.vote_balance = seed_threshold, vote_balance
+        self.unlabelled_weight, self.loss_weight = unlabelled_weight, loss_weight
+        self.register_buffer('mean_sizes', torch.ones(num_classes, 3))
+        self.register_buffer('near', _by_class(near, num_classes, 'near'), persistent=False)
+        self.register_buffer('far', _by_class(far, num_classes, 'far'), persistent=False)
+        if mean_sizes is not None:
+            self.set_mean_sizes(torch.tensor(mean_sizes))
+        self.vote_mlp = _mlp([in_channels, hidden, hidden])
+        self.vote_offset = nn.Linear(hidden, 3)
+        self.vote_residual = nn.Linear(hidden, in_channels)
+        self.group_mlp = _mlp([in_channels + 6, hidden, hidden, 2 * hidden])
+        self.box_mlp = _mlp([2 * hidden, 2 * hidden, 2 * hidden])
+        self.box_out = nn.Linear(2 * hidden, prediction_width(heading_bins, num_classes))
+
+    @torch.no_grad()
+    def set_mean_sizes(self, sizes: Float[Tensor, 'classes 3']) -> None:
+        """Set the size templates (metres), say to the means of the revealed boxes; they are kept in the checkpoint.
+
+        Raises:
+            ValueError: The shape does not fit, or a size is not positive.
+        """
+        if sizes.shape != self.mean_sizes.shape or not bool((sizes > 0).all()):
+            raise ValueError(f'VoteHead.mean_sizes: expected positive ({self.num_classes}, 3), got {sizes.tolist()}')
+        self.mean_sizes.copy_(sizes)
+
+    def forward(
+        self,
+        xyz: Float[Tensor, 'points 3'],
+        features: Float[Tensor, 'points channels'],
+        foreground: Float[Tensor, ' points'],
+        batch_offsets: Int[Tensor, ' scenes_and_one'],
+    ) -> VoteOutput:
+        """Votes of all points, boxes of the proposals.
+
+        Args:
+            xyz: Metres.
+            features: From the backbone.
+            foreground: Predicted probability that a point lies on an object; only ranks points.
+            batch_offsets: Rows of the scenes.
+        """
+        hidden = self.vote_mlp(features)
+        offsets = self.vote_offset(hidden)
+        seeds, seed_offsets = choose_seeds(xyz, foreground, batch_offsets, self.num_seeds, self.seed_threshold)
+        votes = xyz[seeds] + offsets[seeds]
+        vote_features = features[seeds] + self.vote_residual(hidden[seeds])
+        rows, anchor_offsets = furthest_point_sample_batch(votes, seed_offsets, self.num_proposals)
+        anchors = votes[rows]
+        groups = ball_query(votes, anchors, self.radius, self.samples, seed_offsets, anchor_offsets)
+        prediction = self._boxes(groups, anchors, votes, xyz[seeds], vote_features)
+        members = torch.where(groups >= 0, seeds[groups.clamp_min(0)], -1) if len(seeds) else groups
+        return VoteOutput(offsets, anchors, anchor_offsets, members, prediction)
+
+    def _boxes(self, groups: Tensor, anchors: Tensor, votes: Tensor, seeds: Tensor, features: Tensor) -> BoxPrediction:
+        local = (gather_groups(votes, groups) - anchors[:, None]) / self.radius
+        shape = (gather_groups(seeds, groups) - anchors[:, None]) / self.radius  # where the surface is seen from here
+        grouped = torch.cat([local, shape, gather_groups(features, groups)], dim=2)
+        pooled = group_max(self.group_mlp(grouped), groups)
+        return split_prediction(self.box_out(self.box_mlp(pooled)), anchors, self.heading_bins)
+
+    def targets(self, output: VoteOutput, labels: BatchLabels) -> ProposalTargets:
+        """Assignment of the proposals to the boxes of their scenes."""
+        known = known_share(output.members, labels, self.num_classes, self.unlabelled_weight)
+        distances = box_distances(output.anchors, output.anchor_offsets, labels)
+        return proposal_targets(distances, known, labels, self.near, self.far, self.mean_sizes, self.heading_bins)
+
+    def loss(
+        self, output: VoteOutput, xyz: Float[Tensor, 'points 3'], labels: BatchLabels, targets: ProposalTargets
+    ) -> dict[str, Float[Tensor, '']]:
+        """10 (vote + .5 objectness + centre + .1 heading bin + heading + .1 size class + size + .1 class), by name."""
+        votes = vote_targets(xyz, labels, self.vote_balance)
+        parts = {'vote': vote_loss(output.offsets, votes)}
+        parts.update(proposal_losses(output.prediction, output.anchor_offsets, targets, labels))
+        return {f'loss_{name}': self.loss_weight * value for name, value in parts.items()}

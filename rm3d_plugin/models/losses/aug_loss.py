@@ -1,0 +1,75 @@
+"""L_Aug: predictions of a scene and of its augmented view agree (METHOD 7)."""
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from rm3d_plugin.registry import MODELS
+
+
+def js_divergence(
+    logits: Float[Tensor, 'points classes'], other: Float[Tensor, 'points classes']
+) -> Float[Tensor, ' points']:
+    """Jensen-Shannon divergence between the softmax of two rows of logits.
+
+    Natural logarithm: in [0, ln 2], symmetric, 0 only for equal distributions. Stays in log space, so that logits of
+    a one-hot distribution have a finite gradient.
+
+    >>> import torch
+    >>> js_divergence(torch.tensor([[0.0, 0.0]]), torch.tensor([[5.0, 5.0]])).item()
+    0.0
+    """
+    log_p, log_q = logits.log_softmax(dim=1), other.log_softmax(dim=1)
+    log_m = torch.logaddexp(log_p, log_q) - math.log(2.0)
+    terms = log_p.exp() * (log_p - log_m) + log_q.exp() * (log_q - log_m)
+    return (0.5 * terms.sum(dim=1)).clamp(0.0, math.log(2.0))
+
+
+def js_aug_loss(logits: Float[Tensor, 'points classes'], other: Float[Tensor, 'points classes']) -> Float[Tensor, '']:
+    """Mean Jensen-Shannon divergence; 0 for no points. The minus sign printed in the paper is a slip."""
+    return js_divergence(logits, other).sum() / max(len(logits), 1)
+
+
+def mse_aug_loss(logits: Float[Tensor, 'points classes'], other: Float[Tensor, 'points classes']) -> Float[Tensor, '']:
+    """Mean squared difference of the class probabilities (the paper's ablation); 0 for no points."""
+    return (logits.softmax(dim=1) - other.softmax(dim=1)).square().sum() / max(logits.numel(), 1)
+
+
+@MODELS.register_module()
+class JSAugLoss(nn.Module):
+    """Weighted :func:`js_aug_loss`.
+
+    Args:
+        loss_weight: Factor of the loss; larger: views agree more closely.
+    """
+
+    def __init__(self, loss_weight: float = 1.0) -> None:
+        super().__init__()
+        self.loss_weight = loss_weight
+
+    def forward(
+        self, logits: Float[Tensor, 'points classes'], logits_aug: Float[Tensor, 'points classes']
+    ) -> Float[Tensor, '']:
+        """Loss between rows of the same points."""
+        return self.loss_weight * js_aug_loss(logits, logits_aug)
+
+
+@MODELS.register_module()
+class MSEAugLoss(nn.Module):
+    """Weighted :func:`mse_aug_loss`.
+
+    Args:
+        loss_weight: Factor of the loss; larger: views agree more closely.
+    """
+
+    def __init__(self, loss_weight: float = 1.0) -> None:
+        super().__init__()
+        self.loss_weight = loss_weight
+
+    def forward(
+        self, logits: Float[Tensor, 'points classes'], logits_aug: Float[Tensor, 'points classes']
+    ) -> Float[Tensor, '']:
+        """Loss between rows of the same points."""
+        return self.loss_weight * mse_aug_loss(logits, logits_aug)

@@ -1,0 +1,69 @@
+"""L_WSL: cross-entropy over the points that have a (pseudo) label (METHOD 7)."""
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from rm3d_plugin.registry import MODELS
+
+
+def class_balance(labels: Int[Tensor, ' points'], num_classes: int, power: float) -> Float[Tensor, ' classes']:
+    """Class weights count^-power, scaled so that the mean over the labelled points is 1; 1 for an absent class.
+
+    Args:
+        labels: Class numbers, -1 ignored.
+        num_classes: Length of the answer.
+        power: 0 leaves classes as they come, 1 gives every present class the same total.
+    """
+    counts = torch.bincount(labels[labels >= 0], minlength=num_classes).double()
+    weights = torch.where(counts > 0, counts.clamp_min(1.0).pow(-power), 0.0)
+    total = (weights * counts).sum()
+    scaled = weights * (counts.sum() / total.clamp_min(1e-12))
+    return torch.where(counts > 0, scaled, 1.0).float()
+
+
+def point_cross_entropy(
+    logits: Float[Tensor, 'points classes'],
+    labels: Int[Tensor, ' points'],
+    class_weights: Float[Tensor, ' classes'] | None = None,
+    unlabelled_weight: float = 0.0,
+) -> Float[Tensor, '']:
+    """Cross-entropy averaged (by weight) over the labelled points; 0 where no point counts.
+
+    Args:
+        logits: Raw class scores.
+        labels: Class numbers; -1 = unlabelled.
+        class_weights: Weight of each class; 1 when not given.
+        unlabelled_weight: In [0, 1]. Above 0, a point without a label counts as background (the last class) with this
+            weight; 0 ignores it.
+    """
+    unlabelled = labels < 0
+    background = logits.shape[1] - 1
+    target = labels.masked_fill(unlabelled, background)
+    weight = torch.ones_like(logits[:, 0]) if class_weights is None else class_weights.to(logits)[target]
+    weight = torch.where(unlabelled, unlabelled_weight * weight, weight)
+    each = F.cross_entropy(logits, target, reduction='none')
+    return (each * weight).sum() / weight.sum().clamp_min(1e-6)
+
+
+@MODELS.register_module()
+class PointCrossEntropyLoss(nn.Module):
+    """Weighted :func:`point_cross_entropy`.
+
+    Args:
+        loss_weight: Factor of the loss.
+        balance: Power of :func:`class_balance` over the batch; 0 = none.
+        unlabelled_weight: Weight of a point without a label as background; 0 ignores it.
+    """
+
+    def __init__(self, loss_weight: float = 1.0, balance: float = 0.0, unlabelled_weight: float = 0.0) -> None:
+        super().__init__()
+        self.loss_weight = loss_weight
+        self.balance = balance
+        self.unlabelled_weight = unlabelled_weight
+
+    def forward(self, logits: Float[Tensor, 'points classes'], labels: Int[Tensor, ' points']) -> Float[Tensor, '']:
+        """Loss over the points of a batch."""
+        weights = class_balance(labels, logits.shape[1], self.balance) if self.balance else None
+        return self.loss_weight * point_cross_entropy(logits, labels, weights, self.unlabelled_weight)
