@@ -1,0 +1,31 @@
+"""The only file formats: atomic, versioned, hashed, without pickle."""
+
+from rm3d_plugin.storage.files import (
+    DamagedFileError,
+    atomic_write,
+    content_key,
+    hash_arrays,
+    read_json,
+    read_npz,
+    write_json,
+    write_npz,
+    write_text,
+)
+from rm3d_plugin.storage.label_store import LabelStore, LabelStoreError, SceneEntry
+from rm3d_plugin.storage.scene_cache import SceneCache
+
+__all__ = [
+    'DamagedFileError',
+    'LabelStore',
+    'LabelStoreError',
+    'SceneCache',
+    'SceneEntry',
+    'atomic_write',
+    'content_key',
+    'hash_arrays',
+    'read_json',
+    'read_npz',
+    'write_json',
+    'write_npz',
+    'write_text',
+]

@@ -1,0 +1,248 @@
+"""What every data set shares: how a scene becomes a training item, and where its labels may come from."""
+
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from jaxtyping import Float, Int
+from torch.utils.data import Dataset
+
+from rm3d_plugin.registry import TRANSFORMS
+from rm3d_plugin.storage.label_store import LabelStore
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, SceneError
+
+Labels = Literal['none', 'store', 'truth']
+BadScenes = Literal['error', 'skip']
+
+
+class DatasetNotFoundError(SceneError):
+    """The data set is not where it was looked for; the message shows how to lay it out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Dense ground truth of one scene: for label budgets, evaluation and reports, never for training.
+
+    Attributes:
+        boxes: Boxes of the data set's classes.
+        semantic: (N,) int64 class of each point, -1 = ignored, or None. In detection the number of box classes stands
+            for background.
+        instance: (N,) int64 row of ``boxes`` or instance number, -1 = none, or None.
+    """
+
+    boxes: Boxes3D
+    semantic: Int[np.ndarray, ' points'] | None = None
+    instance: Int[np.ndarray, ' points'] | None = None
+
+
+class SceneDataset(Dataset[dict[str, Any]], ABC):
+    """Scenes that run through a pipeline of transforms.
+
+    An item is a pure function of (seed, epoch, index): the sampler hands out ``epoch * len(dataset) + index``, and each
+    item has its own generator ``default_rng([seed, epoch, index])`` in ``results['rng']``. So a resumed run sees the
+    very items that an unbroken one sees, with any number of workers.
+
+    Args:
+        classes: Class names; their order gives the class numbers.
+        pipeline: Transforms (registered configs or callables), each dict -> dict.
+        labels: 'store': (pseudo) labels of the label store's current round; 'truth': ground truth, for metrics only;
+            'none': no labels.
+        label_store: Folder of the label store, needed for labels='store'.
+        bad_scenes: 'error': a scene that cannot be used raises when it is read. 'skip': every scene is read once at
+            the start, and those that cannot be used are left out, with one warning that counts and names them.
+        seed: Of the items' generators.
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[str],
+        pipeline: Sequence[Mapping[str, Any] | Callable[[dict[str, Any]], dict[str, Any]]] = (),
+        labels: Labels = 'none',
+        label_store: str | Path | None = None,
+        bad_scenes: BadScenes = 'error',
+        seed: int = 0,
+    ) -> None:
+        _one_of('labels', labels, get_args(Labels))
+        _one_of('bad_scenes', bad_scenes, get_args(BadScenes))
+        if labels == 'store' and label_store is None:
+            raise ValueError("labels='store' needs label_store, the folder of the label store")
+        self.classes = tuple(classes)
+        self.labels: Labels = labels
+        self.label_store = None if label_store is None else LabelStore(label_store)
+        self.bad_scenes: BadScenes = bad_scenes
+        self.seed = seed
+        self.pipeline = [TRANSFORMS.build(step) if isinstance(step, Mapping) else step for step in pipeline]
+        self._scene_ids: tuple[str, ...] | None = None
+
+    # ------------------------------------------------------------------ what a data set implements
+
+    @abstractmethod
+    def find_scenes(self) -> tuple[str, ...]:
+        """Names of all scenes, in a fixed order.
+
+        Raises:
+            DatasetNotFoundError: The data set is not there.
+        """
+
+    @abstractmethod
+    def load_cloud(self, index: int) -> PointCloud:
+        """The points of a scene, exactly the ones that labels are about.
+
+        Raises:
+            SceneError: The scene cannot be used.
+        """
+
+    @abstractmethod
+    def load_truth(self, index: int) -> Truth:
+        """Dense ground truth of a scene.
+
+        Raises:
+            SceneError: There is none, or it cannot be used.
+        """
+
+    def annotation(self, index: int) -> Any:
+        """What the metric needs beyond boxes; handed on as metainfo ``annotation`` with labels='truth'."""
+        return None
+
+    # ------------------------------------------------------------------ what mmengine calls
+
+    @property
+    def metainfo(self) -> dict[str, Any]:
+        """What visualizers and metrics ask for."""
+        return {'classes': self.classes, 'dataset_type': type(self).__name__}
+
+    def full_init(self) -> None:
+        """Find the scenes, and check them where bad ones shall be skipped; called once, by need."""
+        if self._scene_ids is None:
+            self._scene_ids = self.find_scenes()
+            if self.bad_scenes == 'skip':
+                self._scene_ids = self._without_bad_scenes(self._scene_ids)
+
+    @property
+    def scene_ids(self) -> tuple[str, ...]:
+        """Names of the scenes, in the order of the indices."""
+        self.full_init()
+        assert self._scene_ids is not None
+        return self._scene_ids
+
+    def __len__(self) -> int:
+        return len(self.scene_ids)
+
+    def __getitem__(self, item: int) -> dict[str, Any]:
+        """One item; ``item = epoch * len(self) + index``, so a plain index is epoch 0."""
+        if item < 0 or len(self) == 0:
+            raise IndexError(f'item {item} of {len(self)} scenes')
+        epoch, index = divmod(int(item), len(self))
+        results = self.raw(index)
+        results['rng'] = np.random.default_rng([self.seed, epoch, index])
+        results['dataset'] = self
+        for step in self.pipeline:
+            results = step(results)
+        results.pop('dataset', None)
+        return results
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """The items of epoch 0 in order."""
+        return (self[index] for index in range(len(self)))
+
+    # ------------------------------------------------------------------ scene -> item
+
+    def raw(self, index: int) -> dict[str, Any]:
+        """A scene with the labels that ``labels`` allows, before the pipeline.
+
+        Returns:
+            scene_id, index, num_points, points (n, 3 + channels) float32 (x, y, z, then intensity and colour where the
+            scan has them) and point_index (n,); with labels also semantic (n,), instance (n,), is_true (n,),
+            boxes (M, 7), box_labels (M,) and box_is_true (M,).
+
+        Raises:
+            SceneError: Scene or labels cannot be used, or they do not fit each other.
+        """
+        scene_id = self.scene_ids[index]
+        try:
+            cloud = self.load_cloud(index)
+        except SceneError as error:
+            raise type(error)(f'scene {scene_id}: {error}') from error
+        results: dict[str, Any] = {
+            'scene_id': scene_id,
+            'index': index,
+            'num_points': len(cloud),
+            'points': features(cloud),
+            'point_index': np.arange(len(cloud)),
+        }
+        if self.labels == 'store':
+            results |= self._stored_labels(scene_id, len(cloud))
+        elif self.labels == 'truth':
+            results |= _truth_labels(self.load_truth(index), len(cloud))
+            results['annotation'] = self.annotation(index)
+        return results
+
+    def _stored_labels(self, scene_id: str, num_points: int) -> dict[str, np.ndarray]:
+        assert self.label_store is not None
+        labels: PseudoLabels = self.label_store.read(scene_id)
+        if len(labels) != num_points:
+            raise SceneError(
+                f'scene {scene_id}: {self.label_store.root} has labels for {len(labels)} points, the scene has '
+                f'{num_points}. Cropping or data changed since the labels were made: delete the store and label again'
+            )
+        return {
+            'semantic': labels.semantic,
+            'instance': labels.instance,
+            'is_true': labels.point_is_true,
+            'boxes': labels.boxes.tensor,
+            'box_labels': labels.boxes.labels,
+            'box_is_true': labels.box_is_true,
+        }
+
+    def _without_bad_scenes(self, scene_ids: tuple[str, ...]) -> tuple[str, ...]:
+        reasons: dict[str, SceneError] = {}
+        for index, scene_id in enumerate(scene_ids):
+            try:
+                self.load_cloud(index)
+                if self.labels == 'truth':
+                    self.load_truth(index)
+            except SceneError as error:
+                reasons[scene_id] = error
+        if reasons and len(reasons) < len(scene_ids):
+            first = '; '.join(f'{name}: {error}' for name, error in list(reasons.items())[:3])
+            more = '; ...' if len(reasons) > 3 else ''
+            warnings.warn(
+                f'{len(reasons)} of {len(scene_ids)} scenes cannot be used and are left out: {first}{more}',
+                stacklevel=2,
+            )
+        good = tuple(name for name in scene_ids if name not in reasons)
+        if scene_ids and not good:
+            raise SceneError(f'none of {len(scene_ids)} scenes can be used; the first: {reasons[scene_ids[0]]}')
+        return good
+
+
+def features(cloud: PointCloud) -> Float[np.ndarray, 'points channels']:
+    """Coordinates, then intensity and colour where the scan has them; float32."""
+    columns = [cloud.xyz]
+    if cloud.intensity is not None:
+        columns.append(cloud.intensity[:, None])
+    if cloud.colors is not None:
+        columns.append(cloud.colors)
+    return np.concatenate(columns, axis=1)
+
+
+def _truth_labels(truth: Truth, num_points: int) -> dict[str, np.ndarray]:
+    nothing = np.full(num_points, UNLABELLED, dtype=np.int64)
+    semantic = nothing if truth.semantic is None else truth.semantic
+    return {
+        'semantic': semantic,
+        'instance': nothing if truth.instance is None else truth.instance,
+        'is_true': semantic != UNLABELLED,
+        'boxes': truth.boxes.tensor,
+        'box_labels': truth.boxes.labels,
+        'box_is_true': np.ones(len(truth.boxes), dtype=bool),
+    }
+
+
+def _one_of(name: str, value: object, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ValueError(f'{name}: expected one of {", ".join(map(repr, choices))}, got {value!r}')

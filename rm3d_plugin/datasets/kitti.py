@@ -1,0 +1,189 @@
+"""KITTI object detection in its native layout."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from rm3d_plugin.datasets.base import BadScenes, DatasetNotFoundError, Labels, SceneDataset, Truth
+from rm3d_plugin.datasets.kitti_format import (
+    KittiCalib,
+    KittiObject,
+    check_points,
+    in_camera_view,
+    objects_to_boxes,
+    read_calib,
+    read_image_size,
+    read_objects,
+    read_velodyne,
+)
+from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, SceneError
+
+Split = Literal['train', 'val', 'trainval', 'test']
+# Objects that look like a class but count as none: their points are neither the class nor background.
+NEIGHBOURS = {'Car': ('Van', 'Truck'), 'Pedestrian': ('Person_sitting',), 'Cyclist': ()}
+_LAYOUT = """
+    {root}/
+      ImageSets/   train.txt  val.txt      one frame number a line (000000); not part of KITTI's download
+      training/
+        velodyne/  000000.bin ...          data_object_velodyne.zip
+        calib/     000000.txt ...          data_object_calib.zip
+        label_2/   000000.txt ...          data_object_label_2.zip
+        image_2/   000000.png ...          data_object_image_2.zip (optional: image sizes)
+      testing/     velodyne/  calib/       the same, for split='test'
+"""
+
+
+class KittiAnnotation(NamedTuple):
+    """What KITTI's metric needs of a frame: its label lines and its calibration."""
+
+    objects: tuple[KittiObject, ...]
+    calib: KittiCalib
+    image_size: tuple[int, int]
+
+
+@DATASETS.register_module()
+class KittiDataset(SceneDataset):
+    """KITTI object detection: one frame, one scene; lidar frame, z up, the sensor at the origin.
+
+    Args:
+        data_root: Folder that holds ``training`` and ``ImageSets``.
+        split: 'test' reads ``testing`` and has no ground truth; the others read ``training``.
+        ann_file: List of frames, relative to data_root; None: every frame there is.
+        labels: See :class:`SceneDataset`; 'truth' is refused for every split but 'val'.
+        label_store: See :class:`SceneDataset`.
+        pipeline: See :class:`SceneDataset`.
+        classes: Object types to learn, in the order of their numbers; the number after the last means background.
+        point_range: (x, y, z, x, y, z) metres, least then greatest; points outside are dropped, and boxes whose centre
+            lies outside in x or y.
+        bad_scenes: See :class:`SceneDataset`.
+        fov_only: Keep only what the left colour camera sees; KITTI labels nothing else.
+        seed: See :class:`SceneDataset`.
+
+    Raises:
+        DatasetNotFoundError: Nothing at data_root, or the list of frames is missing.
+    """
+
+    def __init__(
+        self,
+        data_root: str | Path,
+        split: Split = 'train',
+        ann_file: str | None = 'ImageSets/train.txt',
+        labels: Labels = 'none',
+        label_store: str | Path | None = None,
+        pipeline: Sequence[Mapping[str, Any] | Callable[[dict[str, Any]], dict[str, Any]]] = (),
+        classes: Sequence[str] = ('Car', 'Pedestrian', 'Cyclist'),
+        point_range: Sequence[float] = (0.0, -40.0, -3.0, 70.4, 40.0, 1.0),
+        bad_scenes: BadScenes = 'error',
+        fov_only: bool = True,
+        seed: int = 0,
+    ) -> None:
+        super().__init__(classes, pipeline, labels, label_store, bad_scenes, seed)
+        if split not in get_args(Split):
+            raise ValueError(f'split: expected one of {", ".join(get_args(Split))}, got {split!r}')
+        if labels == 'truth' and split != 'val':
+            raise ValueError(
+                f"labels='truth' is for split 'val', where metrics need it, got {split!r}; "
+                "training reads labels='store', prediction needs labels='none'"
+            )
+        self.point_range = np.asarray(point_range, dtype=np.float64)
+        if self.point_range.shape != (6,) or not (self.point_range[:3] < self.point_range[3:]).all():
+            raise ValueError(f'point_range: expected (x, y, z, x, y, z), least then greatest, got {point_range}')
+        self.data_root = Path(data_root)
+        self.split = split
+        self.folder = self.data_root / ('testing' if split == 'test' else 'training')
+        self.ann_file = None if ann_file is None else self.data_root / ann_file
+        self.fov_only = fov_only
+
+    # ------------------------------------------------------------------ scenes
+
+    def find_scenes(self) -> tuple[str, ...]:
+        """Frame numbers of the list, or of every scan."""
+        if self._velodyne is None:
+            raise DatasetNotFoundError(self._not_found(f'there is no {self.folder / "velodyne"}'))
+        if self.ann_file is None:
+            return tuple(sorted(path.stem for path in self._velodyne.glob('*.bin')))
+        if not self.ann_file.is_file():
+            raise DatasetNotFoundError(
+                self._not_found(f'there is no list {self.ann_file}; ann_file=None takes every frame')
+            )
+        frames = tuple(self.ann_file.read_text(encoding='ascii').split())
+        doubled = len(frames) - len(set(frames))
+        if doubled or not frames:
+            raise SceneError(f'{self.ann_file}: {len(frames)} frames, {doubled} of them twice; list each frame once')
+        return frames
+
+    @property
+    def _velodyne(self) -> Path | None:
+        names = ('velodyne', 'velodyne_reduced')
+        return next((self.folder / name for name in names if (self.folder / name).is_dir()), None)
+
+    def _not_found(self, what: str) -> str:
+        root = self.data_root.resolve()
+        return (
+            f'KITTI was looked for at {root}, but {what}. Download it from '
+            f'https://www.cvlibs.net/datasets/kitti/eval_object.php and lay it out so:\n{_LAYOUT.format(root=root)}\n'
+            'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
+        )
+
+    # ------------------------------------------------------------------ one scene
+
+    def load_cloud(self, index: int) -> PointCloud:
+        """Points in range and, with ``fov_only``, in the camera's view; intensity is KITTI's reflectance."""
+        scene_id = self.scene_ids[index]
+        folder = self._velodyne
+        if folder is None:
+            raise DatasetNotFoundError(self._not_found(f'there is no {self.folder / "velodyne"}'))
+        path = folder / f'{scene_id}.bin'
+        points = read_velodyne(path)
+        check_points(points, path)
+        keep = ((points[:, :3] >= self.point_range[:3]) & (points[:, :3] < self.point_range[3:])).all(axis=1)
+        if self.fov_only:
+            keep &= in_camera_view(points, self._calib(scene_id), self._image_size(scene_id))
+        if not keep.any():
+            raise SceneError(f'{path}: none of {len(points)} points lies in range {self.point_range.tolist()} and view')
+        kept = points[keep]
+        return PointCloud(xyz=kept[:, :3], intensity=kept[:, 3], sensor=(0.0, 0.0, 0.0))
+
+    def load_truth(self, index: int) -> Truth:
+        """Boxes in range; points inside them, background elsewhere, -1 inside objects of neighbouring types."""
+        objects, calib, _ = self.annotations(index)
+        boxes = self._in_range(objects_to_boxes(objects, calib, self.classes))
+        near = [name for cls in self.classes for name in NEIGHBOURS.get(cls, ()) if name not in self.classes]
+        others = objects_to_boxes(objects, calib, near)
+        xyz = self.load_cloud(index).xyz
+        instance = points_in_boxes(xyz, boxes.tensor)
+        semantic = np.full(len(xyz), len(self.classes), dtype=np.int64)
+        semantic[points_in_boxes(xyz, others.tensor) >= 0] = UNLABELLED
+        inside = instance >= 0
+        semantic[inside] = boxes.labels[instance[inside]]
+        return Truth(boxes, semantic, instance)
+
+    def annotations(self, index: int) -> KittiAnnotation:
+        """Label lines and calibration of a frame, for the metric.
+
+        Raises:
+            SceneError: split='test' has none, or a file cannot be read.
+        """
+        scene_id = self.scene_ids[index]
+        if self.split == 'test':
+            raise SceneError(f'scene {scene_id}: KITTI keeps the labels of its test frames to itself; use split="val"')
+        objects = read_objects(self.folder / 'label_2' / f'{scene_id}.txt')
+        return KittiAnnotation(tuple(objects), self._calib(scene_id), self._image_size(scene_id))
+
+    def annotation(self, index: int) -> KittiAnnotation:
+        """The same, for the base class."""
+        return self.annotations(index)
+
+    def _in_range(self, boxes: Boxes3D) -> Boxes3D:
+        centers, low, high = boxes.tensor[:, :2], self.point_range[:2], self.point_range[3:5]
+        return boxes.select(np.flatnonzero(((centers >= low) & (centers < high)).all(axis=1)))
+
+    def _calib(self, scene_id: str) -> KittiCalib:
+        return read_calib(self.folder / 'calib' / f'{scene_id}.txt')
+
+    def _image_size(self, scene_id: str) -> tuple[int, int]:
+        return read_image_size(self.folder / 'image_2' / f'{scene_id}.png')

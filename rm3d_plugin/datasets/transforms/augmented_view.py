@@ -1,0 +1,132 @@
+"""The second view of a scene that the consistency loss compares with the first (METHOD 7, L_Aug)."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.ndimage import map_coordinates, uniform_filter
+
+from rm3d_plugin.datasets.transforms.geometric import turned
+from rm3d_plugin.datasets.transforms.points import random_subset
+from rm3d_plugin.registry import TRANSFORMS
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Another view of the same points.
+
+    Attributes:
+        points: (m, 3 + channels) float32.
+        index: (m,) int64 ascending; row ``i`` is a copy of row ``index[i]`` of the first view.
+    """
+
+    points: Float[np.ndarray, 'kept channels']
+    index: Int[np.ndarray, ' kept']
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """How far the second view strays from the first; METHOD 7 gives the numbers.
+
+    Attributes:
+        rot: Least and greatest turn about z, radians.
+        flip_prob: Chance to mirror x, and the same for y.
+        scale: Least and greatest factor.
+        jitter: Standard deviation of each coordinate's noise, metres; cut off at three times that.
+        keep: Least and greatest share of points that stay.
+        elastic: (grid cell, greatest shift) in metres, or None; warps objects smoothly.
+        channel_jitter: Standard deviation of one shift and one factor for intensity and colour; results are clipped
+            to [0, 1].
+    """
+
+    rot: tuple[float, float] = (-np.pi, np.pi)
+    flip_prob: float = 0.5
+    scale: tuple[float, float] = (0.9, 1.1)
+    jitter: float = 0.005
+    keep: tuple[float, float] = (0.5, 0.8)
+    elastic: tuple[float, float] | None = None
+    channel_jitter: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name, least in (('rot', -np.inf), ('scale', 0.0), ('keep', 0.0)):
+            low, high = getattr(self, name)
+            if not least < low <= high:
+                raise ValueError(f'AugmentedView.{name}: expected least then greatest above {least}, got {low}, {high}')
+        if self.keep[1] > 1 or not 0 <= self.flip_prob <= 1 or self.jitter < 0 or self.channel_jitter < 0:
+            raise ValueError(f'AugmentedView: a share lies outside [0, 1] or a deviation below 0 in {self}')
+        if self.elastic is not None and min(self.elastic) <= 0:
+            raise ValueError(f'AugmentedView.elastic: expected two lengths in metres, got {self.elastic}')
+
+
+def augmented_view(
+    points: Float[np.ndarray, 'points channels'], settings: ViewSettings, rng: np.random.Generator
+) -> View:
+    """Take a second view: thin out, warp, turn about the middle, mirror, scale, jitter.
+
+    Args:
+        points: (n, 3 + channels) float32: metres, then channels in [0, 1].
+        settings: How far it may stray.
+        rng: The only source of chance.
+
+    Returns:
+        At least one point, where there is one.
+    """
+    kept = max(1, round(rng.uniform(*settings.keep) * len(points))) if len(points) else 0
+    index = random_subset(len(points), kept, rng)
+    view = points[index].copy()
+    xyz = view[:, :3].astype(np.float64)
+    middle = np.zeros(3) if len(xyz) == 0 else 0.5 * (xyz.min(axis=0) + xyz.max(axis=0))
+    if settings.elastic is not None:
+        xyz = xyz + elastic_shift(xyz, *settings.elastic, rng)
+    xyz = turned(xyz - middle, rng.uniform(*settings.rot))
+    xyz[:, :2] *= np.where(rng.random(2) < settings.flip_prob, -1.0, 1.0)
+    xyz *= rng.uniform(*settings.scale)
+    noise = np.clip(rng.standard_normal(xyz.shape), -3, 3) * settings.jitter
+    view[:, :3] = xyz + noise + middle
+    if view.shape[1] > 3:
+        shift, factor = rng.normal(0.0, settings.channel_jitter, size=(2, view.shape[1] - 3))
+        view[:, 3:] = np.clip(view[:, 3:] * (1 + factor) + shift, 0.0, 1.0)
+    return View(view, index)
+
+
+def elastic_shift(
+    xyz: Float[np.ndarray, 'points 3'], cell: float, magnitude: float, rng: np.random.Generator
+) -> Float[np.ndarray, 'points 3']:
+    """Smooth random shifts: noise on a coarse grid, blurred, and read between its nodes.
+
+    Args:
+        xyz: (n, 3) metres.
+        cell: Grid spacing in metres; larger: gentler waves. Raised where the grid would exceed 64 nodes a side.
+        magnitude: Greatest shift along an axis, metres.
+        rng: Source of the noise.
+    """
+    if len(xyz) == 0:
+        return np.zeros((0, 3))
+    low, span = xyz.min(axis=0), np.ptp(xyz, axis=0)
+    cells = np.maximum(cell, span / 60)
+    shape = tuple((span / cells).astype(int) + 3)
+    at = ((xyz - low) / cells + 0.5).T
+    shifts = np.empty(xyz.shape)
+    for axis in range(3):
+        noise = rng.uniform(-1.0, 1.0, size=shape)
+        for _ in range(2):
+            noise = uniform_filter(noise, size=3, mode='nearest')
+        shifts[:, axis] = map_coordinates(noise / np.abs(noise).max(), at, order=1, mode='nearest')
+    return shifts * magnitude
+
+
+@TRANSFORMS.register_module()
+class AugmentedView:
+    """Adds ``aug_points`` (m, channels) and ``aug_index`` (m,), the rows of ``points`` they copy.
+
+    Comes last before PackScene. The arguments are those of :class:`ViewSettings`.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        self.settings = ViewSettings(**settings)
+
+    def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
+        """Take the view by the item's generator."""
+        view = augmented_view(results['points'], self.settings, results['rng'])
+        return results | {'aug_points': view.points, 'aug_index': view.index}

@@ -1,0 +1,108 @@
+"""What training may see of a scene's truth, and the noise that proves it sees nothing else (METHOD 8)."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol, TypeVar
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
+
+
+class DenseTruth(Protocol):
+    """Ground truth of a scene, as ``datasets.Truth`` holds it."""
+
+    @property
+    def boxes(self) -> Boxes3D:
+        """All boxes."""
+
+    @property
+    def semantic(self) -> Int[np.ndarray, ' points'] | None:
+        """Class of each point."""
+
+    @property
+    def instance(self) -> Int[np.ndarray, ' points'] | None:
+        """Object of each point."""
+
+
+AnyTruth = TypeVar('AnyTruth', bound=DenseTruth)
+
+
+def hide(
+    xyz: Float[np.ndarray, 'points 3'], truth: DenseTruth, revealed: Sequence[int], complete: bool = False
+) -> PseudoLabels:
+    """What training may see: the revealed boxes, and the points inside them.
+
+    The truth's point labels are not read: a revealed box tells the class of the points in it, and no more.
+
+    Args:
+        xyz: (N, 3) metres, the scene's points.
+        truth: Everything that is known of the scene.
+        revealed: Rows of ``truth.boxes``.
+        complete: True where the budget reveals everything; what has no label then is background.
+
+    Returns:
+        Labels with ``instance`` a row of the revealed boxes, in the order of ``revealed``; where two boxes hold a
+        point, the first has it.
+
+    Raises:
+        ValueError: A row is out of range or comes twice.
+    """
+    rows = _check_rows(revealed, len(truth.boxes))
+    boxes = truth.boxes.select(rows)
+    instance = points_in_boxes(xyz, boxes.tensor)
+    inside = instance >= 0
+    semantic = np.full(len(xyz), UNLABELLED, dtype=np.int64)
+    semantic[inside] = boxes.labels[instance[inside]]
+    return PseudoLabels(
+        semantic=semantic,
+        instance=instance,
+        point_is_true=inside,
+        confidence=inside.astype(np.float32),
+        boxes=boxes,
+        box_is_true=np.ones(len(boxes), dtype=bool),
+        complete=complete,
+    )
+
+
+def scramble_hidden(truth: AnyTruth, revealed: Sequence[int], rng: np.random.Generator) -> AnyTruth:
+    """The same truth with noise for every hidden box and every point label.
+
+    Training on it must give bit-identical losses: whatever differs has leaked. All point labels are hidden, since
+    under a budget of boxes those in revealed boxes follow from the boxes alone. The number of boxes stays, since
+    the budget is checked against it.
+
+    Args:
+        truth: A frozen dataclass with ``boxes``, ``semantic`` and ``instance``.
+        revealed: Rows of ``truth.boxes`` to leave as they are.
+        rng: Source of the noise.
+
+    Returns:
+        The same type; sizes stay positive, class numbers stay in range.
+    """
+    rows = _check_rows(revealed, len(truth.boxes))
+    hidden = np.setdiff1d(np.arange(len(truth.boxes)), rows)
+    tensor, labels = truth.boxes.tensor.copy(), truth.boxes.labels.copy()
+    tensor[hidden, :3] += rng.normal(0.0, 10.0, size=(len(hidden), 3))
+    tensor[hidden, 3:6] = rng.uniform(0.2, 8.0, size=(len(hidden), 3))
+    tensor[hidden, 6] = rng.uniform(-np.pi, np.pi, size=len(hidden))
+    top = labels.max(initial=0) + 1
+    labels[hidden] = rng.integers(0, top, size=len(hidden))
+    noise = {
+        name: None if values is None else rng.integers(UNLABELLED, max(1, values.max(initial=0) + 1), size=len(values))
+        for name, values in (('semantic', truth.semantic), ('instance', truth.instance))
+    }
+    boxes = Boxes3D(tensor, labels, truth.boxes.scores)
+    scrambled: AnyTruth = replace(truth, boxes=boxes, **noise)  # type: ignore[type-var]
+    return scrambled
+
+
+def _check_rows(revealed: Sequence[int], boxes: int) -> Int[np.ndarray, ' revealed']:
+    rows = np.asarray(revealed, dtype=np.int64).reshape(-1)
+    if len(rows) and (rows.min() < 0 or rows.max() >= boxes):
+        raise ValueError(f'revealed: expected rows of {boxes} boxes, got {rows.tolist()}; draw the label budget again')
+    if len(np.unique(rows)) != len(rows):
+        raise ValueError(f'revealed: a row comes twice in {rows.tolist()}')
+    return rows

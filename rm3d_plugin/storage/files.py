@@ -1,0 +1,217 @@
+"""The files everything else is kept in: npz, JSON and text, never half-written, never pickled.
+
+A file is written beside its final place, flushed to the disk and then renamed: whoever reads sees the old file or the
+new one, also after a crash. An npz file carries its format version and a hash of its arrays, so that a damaged one is
+told apart from a good one.
+"""
+
+import hashlib
+import json
+import math
+import os
+import secrets
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from rm3d_plugin.structures import SceneError
+
+FORMAT_VERSION = 1
+_HASH, _VERSION = '__sha256__', '__format__'
+
+
+class DamagedFileError(SceneError):
+    """A file that exists but cannot be trusted; the message names it."""
+
+
+def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path:
+    """Write a file so that it is there as a whole or not at all.
+
+    Args:
+        path: Where the file shall lie; its folder is made.
+        write: Receives the open file. If it raises, the old file stays and nothing new is left behind.
+
+    Returns:
+        The path.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.parent / f'.{path.name[:100]}.{os.getpid()}.{secrets.token_hex(4)}.tmp'
+    try:
+        with unfinished.open('xb') as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    _flush_folder(path.parent)
+    return path
+
+
+def _flush_folder(folder: Path) -> None:
+    """Make a rename survive a power cut, where the system can (not on Windows)."""
+    if os.name == 'posix':
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """Write UTF-8 text, atomically."""
+    return atomic_write(path, lambda file: file.write(text.encode('utf-8')))
+
+
+def write_json(path: str | Path, value: Any) -> Path:
+    """Write JSON, atomically; numpy numbers and arrays become plain ones, NaN and infinity become null."""
+    return write_text(path, json.dumps(_plain(value), indent=2, allow_nan=False, ensure_ascii=False) + '\n')
+
+
+def read_json(path: str | Path) -> Any:
+    """Read JSON.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        DamagedFileError: It is not JSON.
+    """
+    try:
+        return json.loads(Path(path).read_bytes())
+    except ValueError as error:
+        raise DamagedFileError(f'{path}: not readable as JSON ({error}); delete it and make it again') from error
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Path:
+    """Write named arrays, atomically, with their hash; equal arrays give equal bytes.
+
+    Args:
+        path: The file.
+        arrays: Name -> array of numbers, booleans or fixed-length text.
+
+    Raises:
+        ValueError: A name is not usable, or an array holds Python objects.
+    """
+    plain = {name: np.asarray(value) for name, value in arrays.items()}
+    for name, value in plain.items():
+        if not name or '/' in name or '\\' in name or name in (_HASH, _VERSION):
+            raise ValueError(f'{path}: {name!r} cannot name an array')
+        if value.dtype.hasobject:
+            raise ValueError(f'{path}: array {name!r} holds Python objects (dtype {value.dtype}); store numbers')
+    plain[_VERSION] = np.array(FORMAT_VERSION)
+    plain[_HASH] = np.array(hash_arrays(arrays))
+    return atomic_write(path, lambda file: _zip(file, plain))
+
+
+def _zip(file: IO[bytes], arrays: Mapping[str, np.ndarray]) -> None:
+    """As numpy.savez_compressed, but without time stamps, and fast rather than small."""
+    with zipfile.ZipFile(file, 'w') as archive:
+        for name, value in arrays.items():
+            info = zipfile.ZipInfo(f'{name}.npy')
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info._compresslevel = 1  # type: ignore[attr-defined]  # the public name comes with Python 3.13
+            with archive.open(info, 'w', force_zip64=True) as entry:
+                np.lib.format.write_array(entry, value, allow_pickle=False)
+
+
+def read_npz(path: str | Path) -> dict[str, np.ndarray]:
+    """Read what :func:`write_npz` wrote, and check it.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        DamagedFileError: It is cut off, altered, of another program, or of another format version.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            arrays = {entry.filename.removesuffix('.npy'): _entry(archive, entry) for entry in archive.infolist()}
+    except FileNotFoundError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, NotImplementedError) as error:
+        raise DamagedFileError(f'{path}: cut off or altered ({error}); delete it and make it again') from error
+    version, digest = arrays.pop(_VERSION, None), arrays.pop(_HASH, None)
+    if version is None or digest is None:
+        raise DamagedFileError(f'{path}: holds no format version and hash, so another program wrote it')
+    if version.shape != () or int(version) != FORMAT_VERSION:
+        raise DamagedFileError(f'{path}: format version {version}, expected {FORMAT_VERSION}; make it again')
+    if str(digest) != hash_arrays(arrays):
+        raise DamagedFileError(f'{path}: the arrays do not fit their hash; delete it and make it again')
+    return arrays
+
+
+def _entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
+    with archive.open(entry) as file:
+        array: np.ndarray = np.lib.format.read_array(file, allow_pickle=False)
+        return array
+
+
+def hash_arrays(arrays: Mapping[str, np.ndarray]) -> str:
+    """SHA-256 over names, types, shapes and values; the order of the names does not matter."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        _feed(digest.update, name)
+        _feed(digest.update, np.asarray(arrays[name]))
+    return digest.hexdigest()
+
+
+def content_key(*parts: Any) -> str:
+    """A short name for content: equal content, equal key, on every machine.
+
+    Args:
+        parts: Arrays, numbers, text, None, paths, and sequences, mappings and dataclasses of these. The order of a
+            mapping's keys does not matter; 1, 1.0 and True are different content.
+
+    Returns:
+        32 hexadecimal digits.
+
+    Raises:
+        TypeError: A part has no stable content (a function, say).
+
+    >>> content_key({'a': 1, 'b': 2.0}) == content_key({'b': 2.0, 'a': 1})
+    True
+    """
+    digest = hashlib.sha256()
+    _feed(digest.update, parts)
+    return digest.hexdigest()[:32]
+
+
+def _feed(update: Callable[[bytes], None], part: Any) -> None:
+    """Hash one part behind its kind and length, so that no two parts run into each other."""
+    if isinstance(part, np.ndarray) and not part.dtype.hasobject:
+        values = np.ascontiguousarray(part)
+        update(f'array {values.dtype.str} {part.shape};'.encode())
+        update(values.tobytes())
+    elif part is None or isinstance(part, bool | int | float | str | Path | np.generic):
+        value = part.item() if isinstance(part, np.generic) else part
+        text = str(value) if isinstance(value, Path) else repr(value)
+        update(f'{type(value).__name__ if not isinstance(value, Path) else "path"} {len(text)};{text}'.encode())
+    elif is_dataclass(part) and not isinstance(part, type):
+        update(f'dataclass {type(part).__name__};'.encode())
+        _feed(update, {field.name: getattr(part, field.name) for field in fields(part)})
+    elif isinstance(part, Mapping):
+        update(f'mapping {len(part)};'.encode())
+        for key in sorted(part, key=repr):
+            _feed(update, key)
+            _feed(update, part[key])
+    elif isinstance(part, Sequence) and not isinstance(part, bytes):
+        update(f'sequence {len(part)};'.encode())
+        for item in part:
+            _feed(update, item)
+    else:
+        raise TypeError(f'content_key: {type(part).__name__} has no stable content; pass arrays and plain values')

@@ -1,0 +1,249 @@
+"""The label store: the only door through which labels reach training.
+
+::
+
+    root/
+      current.json              the round that training reads
+      round_000/
+        <scene>.npz             labels of one scene
+        ledger/<scene>.npz      why regions were merged (optional)
+        complete.json           scenes and summary; written last, so a round without it is half-written
+"""
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import quote, unquote
+
+import numpy as np
+
+from rm3d_plugin.storage.files import DamagedFileError, read_json, read_npz, write_json, write_npz
+from rm3d_plugin.structures import Boxes3D, PseudoLabels, SceneError
+
+_ARRAYS = ('semantic', 'instance', 'point_is_true', 'confidence', 'box_is_true')
+
+
+class LabelStoreError(SceneError):
+    """Labels that are asked for are not there, or not whole."""
+
+
+class SceneEntry(NamedTuple):
+    """What a finished round knows of a scene: how many points have a row, how many boxes are truly labelled."""
+
+    points: int
+    true_boxes: int
+
+
+class LabelStore:
+    """Pseudo labels of every training scene, round by round.
+
+    Nothing is kept in memory: data loader processes live longer than a round and would never see a change.
+
+    Args:
+        root: Folder of the store; made when first written.
+    """
+
+    def __init__(self, root: str | Path) -> None:
+        self.root = Path(root)
+
+    def folder(self, round_index: int) -> Path:
+        """The folder of a round."""
+        if round_index < 0:
+            raise ValueError(f'LabelStore: rounds count from 0, got {round_index}')
+        return self.root / f'round_{round_index:03d}'
+
+    def scene_path(self, round_index: int, scene_id: str) -> Path:
+        """The file of a scene's labels; any text may be a scene name."""
+        return self.folder(round_index) / f'{quote(scene_id, safe="")}.npz'
+
+    def ledger_path(self, round_index: int, scene_id: str) -> Path:
+        """The file of a scene's merge ledger."""
+        return self.folder(round_index) / 'ledger' / f'{quote(scene_id, safe="")}.npz'
+
+    # ------------------------------------------------------------------ writing a round
+
+    def begin_round(self, round_index: int, overwrite: bool = False) -> None:
+        """Make room for a round: what a broken-off run left of it is removed.
+
+        Raises:
+            LabelStoreError: The round is complete and ``overwrite`` is False.
+        """
+        if self.is_complete(round_index):
+            if not overwrite:
+                raise LabelStoreError(
+                    f'{self.folder(round_index)}: round {round_index} is complete; '
+                    'use it (set_current) or pass overwrite=True to make it again'
+                )
+            if self.current_round() == round_index:
+                self._current_file.unlink()
+            self._complete_file(round_index).unlink()
+        if self.folder(round_index).exists():
+            shutil.rmtree(self.folder(round_index))
+        self.folder(round_index).mkdir(parents=True)
+
+    def write(
+        self,
+        round_index: int,
+        scene_id: str,
+        labels: PseudoLabels,
+        ledger: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
+        """Write one scene's labels, and its ledger where given.
+
+        Raises:
+            LabelStoreError: The round was not begun, or is complete already.
+        """
+        if self.is_complete(round_index) or not self.folder(round_index).is_dir():
+            state = 'is complete' if self.is_complete(round_index) else 'was not begun'
+            raise LabelStoreError(f'{self.folder(round_index)}: round {round_index} {state}; call begin_round first')
+        if ledger is not None:
+            write_npz(self.ledger_path(round_index, scene_id), ledger)
+        write_npz(self.scene_path(round_index, scene_id), _to_arrays(labels))
+
+    def finish_round(self, round_index: int, summary: Mapping[str, Any] | None = None) -> None:
+        """Check every file of a round and declare it complete.
+
+        Args:
+            round_index: The round.
+            summary: Plain numbers and text to keep with it (coverage, precision, ...).
+
+        Raises:
+            LabelStoreError: The round was not begun, or holds no scene.
+            DamagedFileError: A file is not whole.
+        """
+        scenes = {}
+        for path in sorted(self.folder(round_index).glob('*.npz')):
+            arrays = read_npz(path)
+            entry = SceneEntry(len(arrays['semantic']), int(arrays['box_is_true'].sum()))
+            scenes[unquote(path.stem)] = entry._asdict()
+        if not scenes:
+            raise LabelStoreError(f'{self.folder(round_index)}: round {round_index} holds no scene; write them first')
+        content = {'round': round_index, 'scenes': scenes, 'summary': dict(summary or {})}
+        write_json(self._complete_file(round_index), content)
+
+    def set_current(self, round_index: int) -> None:
+        """From now on every process reads this round.
+
+        Raises:
+            LabelStoreError: The round is not complete.
+        """
+        self._need_complete(round_index)
+        write_json(self._current_file, {'round': round_index})
+
+    # ------------------------------------------------------------------ reading
+
+    def current_round(self) -> int | None:
+        """The round that training reads, None before the first; read from the disk at each call."""
+        try:
+            content = read_json(self._current_file)
+        except FileNotFoundError:
+            return None
+        if not isinstance(content, dict) or not isinstance(content.get('round'), int):
+            raise DamagedFileError(f'{self._current_file}: expected {{"round": number}}, got {content!r}')
+        return int(content['round'])
+
+    def is_complete(self, round_index: int) -> bool:
+        """True where a round was written to its end."""
+        return self._complete_file(round_index).is_file()
+
+    def rounds(self) -> tuple[int, ...]:
+        """The complete rounds, ascending."""
+        names = (folder.parent.name.removeprefix('round_') for folder in self.root.glob('round_*/complete.json'))
+        return tuple(sorted(int(name) for name in names if name.isdigit()))
+
+    def read(self, scene_id: str, round_index: int | None = None) -> PseudoLabels:
+        """Labels of one scene.
+
+        Args:
+            scene_id: The scene.
+            round_index: None: the current round.
+
+        Raises:
+            LabelStoreError: There is no current round, the round is not complete, or it lacks the scene.
+            DamagedFileError: The file is not whole.
+        """
+        chosen = self._choose(round_index)
+        path = self.scene_path(chosen, scene_id)
+        try:
+            arrays = read_npz(path)
+        except FileNotFoundError:
+            self._need_complete(chosen)
+            raise LabelStoreError(
+                f'scene {scene_id}, round {chosen}: no labels at {path}; the round holds {len(self.scenes(chosen))} '
+                'other scenes. Train on those, or delete the store and label all scenes again'
+            ) from None
+        self._need_complete(chosen)
+        try:
+            return _from_arrays(arrays)
+        except (KeyError, ValueError) as error:
+            raise DamagedFileError(f'scene {scene_id}, round {chosen}: {path} holds no labels ({error})') from error
+
+    def read_ledger(self, scene_id: str, round_index: int | None = None) -> dict[str, np.ndarray]:
+        """Ledger arrays of one scene.
+
+        Raises:
+            LabelStoreError: None was written.
+        """
+        chosen = self._choose(round_index)
+        path = self.ledger_path(chosen, scene_id)
+        if not path.is_file():
+            raise LabelStoreError(f'scene {scene_id}, round {chosen}: no ledger at {path}; none was written')
+        return read_npz(path)
+
+    def scenes(self, round_index: int | None = None) -> dict[str, SceneEntry]:
+        """Scenes of a complete round, sorted by name."""
+        content = self._read_complete(self._choose(round_index))
+        return {name: SceneEntry(**entry) for name, entry in sorted(content['scenes'].items())}
+
+    def summary(self, round_index: int | None = None) -> dict[str, Any]:
+        """What :meth:`finish_round` was given."""
+        return dict(self._read_complete(self._choose(round_index))['summary'])
+
+    # ------------------------------------------------------------------ helpers
+
+    @property
+    def _current_file(self) -> Path:
+        return self.root / 'current.json'
+
+    def _complete_file(self, round_index: int) -> Path:
+        return self.folder(round_index) / 'complete.json'
+
+    def _read_complete(self, round_index: int) -> dict[str, Any]:
+        self._need_complete(round_index)
+        content: dict[str, Any] = read_json(self._complete_file(round_index))
+        return content
+
+    def _choose(self, round_index: int | None) -> int:
+        chosen = self.current_round() if round_index is None else round_index
+        if chosen is None:
+            raise LabelStoreError(
+                f'{self.root}: the label store has no current round ({self._current_file.name} is missing); '
+                'label the training scenes first (tools/train.py does), or correct label_store'
+            )
+        return chosen
+
+    def _need_complete(self, round_index: int) -> None:
+        if not self.is_complete(round_index):
+            raise LabelStoreError(
+                f'{self._complete_file(round_index)}: missing, so round {round_index} is absent or half-written '
+                f'(complete rounds: {list(self.rounds())}); begin_round({round_index}) and write it again'
+            )
+
+
+def _to_arrays(labels: PseudoLabels) -> dict[str, np.ndarray]:
+    arrays = {name: np.asarray(getattr(labels, name)) for name in _ARRAYS}
+    boxes = labels.boxes
+    assert boxes.scores is not None
+    return {
+        **arrays,
+        'box_tensor': boxes.tensor,
+        'box_labels': boxes.labels,
+        'box_scores': boxes.scores,
+        'complete': np.array(labels.complete),
+    }
+
+
+def _from_arrays(arrays: Mapping[str, np.ndarray]) -> PseudoLabels:
+    boxes = Boxes3D(arrays['box_tensor'], arrays['box_labels'], arrays['box_scores'])
+    return PseudoLabels(boxes=boxes, complete=bool(arrays['complete']), **{name: arrays[name] for name in _ARRAYS})
