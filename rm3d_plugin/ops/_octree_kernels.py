@@ -158,12 +158,11 @@ def _sort_row(keys, values, base, count):
 
 
 @njit(cache=True, nogil=True)
-def radius_block(tree, queries, rows, low, radius, margin, rules, ordered):
-    """All points within ``radius`` of ``queries[rows]``: counts, indices, squared distances, visited octants."""
+def radius_block(tree, queries, rows, low, radii, margin, rules, ordered):
+    """All points within ``radii`` of ``queries[rows]``: counts, indices, squared distances, visited octants."""
     points, order, nodes, boxes, cubes = tree
     skip_disjoint, stop_inside, take_contained = rules
     xs, ys, zs = points[0], points[1], points[2]
-    limit = radius * radius
     counts = np.empty(rows.shape[0], dtype=np.int64)
     capacity = 64 * rows.shape[0] + 64
     indices = np.empty(capacity, dtype=np.int32)
@@ -174,6 +173,8 @@ def radius_block(tree, queries, rows, low, radius, margin, rules, ordered):
     for row in range(rows.shape[0]):
         x, y, z = queries[rows[row], 0], queries[rows[row], 1], queries[rows[row], 2]
         local_x, local_y, local_z = x - low[0], y - low[1], z - low[2]
+        radius = radii[rows[row]]
+        limit = radius * radius
         begin = filled
         stack[0] = 0
         waiting = 1
@@ -214,8 +215,8 @@ def radius_block(tree, queries, rows, low, radius, margin, rules, ordered):
 
 
 @njit(cache=True, nogil=True)
-def nearest_block(tree, queries, rows, k, radius):
-    """The k nearest points within ``radius`` of ``queries[rows]``: counts, indices (M, k), squared distances, visits.
+def nearest_block(tree, queries, rows, k, radii):
+    """The k nearest points within ``radii`` of ``queries[rows]``: counts, indices (M, k), squared distances, visits.
 
     Rows ascend along the Morton curve: the k points around the previous query bound the distance of the next one's.
     """
@@ -231,7 +232,7 @@ def nearest_block(tree, queries, rows, k, radius):
     for row in range(rows.shape[0]):
         x, y, z = queries[rows[row], 0], queries[rows[row], 1], queries[rows[row], 2]
         found = 0
-        limit = radius * radius
+        limit = radii[rows[row]] * radii[rows[row]]
         if last_reach < np.inf:
             moved = np.sqrt((x - last_x) ** 2 + (y - last_y) ** 2 + (z - last_z) ** 2)
             reach = (moved + last_reach) * (1.0 + 1e-9)

@@ -64,6 +64,15 @@ def _checked(name: str, points: np.ndarray) -> Float[np.ndarray, 'points 3']:
     return array
 
 
+def _checked_radii(r: float | np.ndarray, queries: int) -> Float[np.ndarray, ' queries']:
+    radii = np.asarray(r, dtype=np.float64)
+    if radii.ndim > 0 and radii.shape != (queries,):
+        raise ValueError(f'Octree: r: expected one radius or {queries} (one a query), got shape {radii.shape}')
+    if not (np.isfinite(radii).all() and (radii >= 0).all()):
+        raise ValueError(f'Octree: r: expected a radius in metres, got {radii.min() if radii.size else radii}')
+    return np.ascontiguousarray(np.broadcast_to(radii, (queries,)))
+
+
 class Octree:
     """Points in Morton order, so that each octant is a contiguous range, and the octants over them.
 
@@ -117,13 +126,17 @@ class Octree:
         return len(self._tree[2]) if len(self) else 0
 
     def radius(
-        self, queries: Float[np.ndarray, 'queries 3'], r: float, max_neighbors: int | None = None, ordered: bool = True
+        self,
+        queries: Float[np.ndarray, 'queries 3'],
+        r: float | Float[np.ndarray, ' queries'],
+        max_neighbors: int | None = None,
+        ordered: bool = True,
     ) -> Neighbors:
         """Points within a distance of each query.
 
         Args:
             queries: (M, 3) metres; a query that is itself a point of the tree finds itself.
-            r: Radius in metres, inclusive.
+            r: Radius in metres, inclusive; one for all queries or one each.
             max_neighbors: Keep the nearest so many of each query; None keeps all.
             ordered: Sort each query's neighbours by distance, then point number. False spares that where all are kept
                 and leaves them in the order of the tree, which is deterministic too.
@@ -134,26 +147,26 @@ class Octree:
         Raises:
             ValueError: A query is not finite, ``r`` is negative or not finite, or ``max_neighbors`` is below 1.
         """
-        if not (np.isfinite(r) and r >= 0):
-            raise ValueError(f'Octree.radius: r: expected a radius in metres, got {r}')
         if max_neighbors is not None:
             return self.hybrid(queries, r, max_neighbors)
         array, rows = self._prepare(queries)
+        radii = _checked_radii(r, len(array))
         if not len(self) or not len(array):
             return _none(len(array))
         margin = 1e-6 * self._grid.edge / 2**BITS  # far above rounding, far below the smallest octant
 
         def work(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
             block = rows[start:stop]
-            return radius_block(self._tree, array, block, self._grid.low, float(r), margin, self._rules, ordered)
+            return radius_block(self._tree, array, block, self._grid.low, radii, margin, self._rules, ordered)
 
         return _assemble(map_blocks(work, len(rows), BLOCK), rows, stride=0)
 
-    def hybrid(self, queries: Float[np.ndarray, 'queries 3'], r: float, max_neighbors: int) -> Neighbors:
+    def hybrid(
+        self, queries: Float[np.ndarray, 'queries 3'], r: float | Float[np.ndarray, ' queries'], max_neighbors: int
+    ) -> Neighbors:
         """The nearest ``max_neighbors`` points within ``r`` metres, as :meth:`radius` with a cap."""
-        if not (np.isfinite(r) and r >= 0):
-            raise ValueError(f'Octree.hybrid: r: expected a radius in metres, got {r}')
         array, rows = self._prepare(queries)
+        radii = _checked_radii(r, len(array))
         if max_neighbors < 1:
             raise ValueError(f'Octree.hybrid: max_neighbors: expected at least 1, got {max_neighbors}')
         if not len(self) or not len(array):
@@ -161,7 +174,7 @@ class Octree:
         k = min(max_neighbors, len(self))
 
         def work(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-            return nearest_block(self._tree, array, rows[start:stop], k, float(r))
+            return nearest_block(self._tree, array, rows[start:stop], k, radii)
 
         return _assemble(map_blocks(work, len(rows), BLOCK), rows, stride=k)
 
@@ -183,10 +196,11 @@ class Octree:
         if not len(self) or not len(array):
             return Knn(indices, sq_dists)
         found = min(k, len(self))
+        radii = np.full(len(array), np.inf)
 
         def work(start: int, stop: int) -> int:
             block = rows[start:stop]
-            _, near, dists, visits = nearest_block(self._tree, array, block, found, np.inf)
+            _, near, dists, visits = nearest_block(self._tree, array, block, found, radii)
             indices[block, :found] = near
             sq_dists[block, :found] = dists
             return int(visits)
