@@ -1,0 +1,262 @@
+"""A virtual spinning lidar of 64 beams, and the ray casting behind it.
+
+Every beam starts at the origin, so a triangle is drawn into the range image (beam, azimuth) much as a renderer draws it
+into pixels: only the beams inside its bounds are tested. No library's rounding enters the result: the hit triangle is
+found and the range computed by plain float64 sums, and ties go to the lowest triangle.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from numba import njit
+
+from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin
+
+NO_HIT = -1
+
+
+@dataclass(frozen=True)
+class SpinningLidar:
+    """The sensor; the defaults follow a Velodyne HDL-64E.
+
+    Attributes:
+        azimuth_step: Degrees between two firings. Larger: fewer points.
+        max_range: Metres.
+        range_noise: Standard deviation in metres.
+        lost: Share of returns lost at random.
+    """
+
+    azimuth_step: float = 0.35
+    max_range: float = 80.0
+    range_noise: float = 0.02
+    lost: float = 0.04
+
+    def __post_init__(self) -> None:
+        if not 0.02 <= self.azimuth_step <= 5:
+            raise ValueError(f'azimuth_step: expected 0.02 to 5 degrees, got {self.azimuth_step}')
+
+    @property
+    def elevations(self) -> Float[np.ndarray, ' beams']:
+        """Degrees, highest first: a third of a degree apart in the upper half, half a degree in the lower."""
+        return np.concatenate([2.0 - np.arange(32) / 3, -8.83 - np.arange(32) * (15.97 / 31)])
+
+    @property
+    def azimuths(self) -> Float[np.ndarray, ' columns']:
+        """Degrees from +x, counter-clockwise."""
+        return np.arange(int(np.ceil(360.0 / self.azimuth_step - 1e-9))) * self.azimuth_step
+
+
+class Beams(NamedTuple):
+    """Unit directions as tables: direction = (cos e cos a, cos e sin a, sin e)."""
+
+    azimuth: Float[np.ndarray, 'columns 2']
+    elevation: Float[np.ndarray, 'beams 2']
+    step: float  # radians between two columns
+
+
+class Hits(NamedTuple):
+    """What each beam meets, beam by beam, azimuth by azimuth.
+
+    Attributes:
+        triangle: (beams * columns,) int64, -1 where nothing is hit.
+        distance: (beams * columns,) float64 metres, infinite where nothing is hit.
+    """
+
+    triangle: Int[np.ndarray, ' rays']
+    distance: Float[np.ndarray, ' rays']
+
+
+class Scan(NamedTuple):
+    """Returned points.
+
+    Attributes:
+        xyz: (N, 3) float64 metres, whole millimetres, sensor frame.
+        intensity: (N,) float64 in [0, 1], whole hundredths.
+        triangle: (N,) int64 the triangle that each point lies on.
+    """
+
+    xyz: Float[np.ndarray, 'points 3']
+    intensity: Float[np.ndarray, ' points']
+    triangle: Int[np.ndarray, ' points']
+
+
+def make_beams(lidar: SpinningLidar) -> Beams:
+    """The directions of one turn, rounded to 12 digits."""
+    azimuth = np.stack(cos_sin(np.deg2rad(lidar.azimuths)), axis=1)
+    elevation = np.stack(cos_sin(np.deg2rad(lidar.elevations)), axis=1)
+    return Beams(azimuth, elevation, float(np.deg2rad(lidar.azimuth_step)))
+
+
+def directions(beams: Beams) -> Float[np.ndarray, 'rays 3']:
+    """Unit vectors, beam by beam."""
+    cos_e, sin_e = beams.elevation[:, :1], beams.elevation[:, 1:]
+    x, y = cos_e * beams.azimuth[:, 0], cos_e * beams.azimuth[:, 1]
+    return np.stack([x, y, np.broadcast_to(sin_e, x.shape)], axis=-1).reshape(-1, 3)
+
+
+def cast(corners: Float[np.ndarray, 'faces 3 3'], beams: Beams, max_range: float = 80.0) -> Hits:
+    """The first triangle on each beam within max_range metres; corners in the sensor frame."""
+    triangle, _ = _draw(np.ascontiguousarray(corners), beams.azimuth, beams.elevation, beams.step, max_range)
+    hit = triangle >= 0
+    distance = np.full(len(triangle), np.inf)
+    distance[hit] = _plane_distance(corners[triangle[hit]], directions(beams)[hit])
+    return Hits(triangle, distance)
+
+
+def count_hits(corners: Float[np.ndarray, 'faces 3 3'], beams: Beams, max_range: float = 80.0) -> int:
+    """How many beams meet a body that stands alone."""
+    triangle, _ = _draw(np.ascontiguousarray(corners), beams.azimuth, beams.elevation, beams.step, max_range)
+    return int((triangle >= 0).sum())
+
+
+def scan(mesh: Mesh, lidar: SpinningLidar, rng: np.random.Generator) -> Scan:
+    """One turn: cast, then lose returns (glass, grazing, dark and far, by chance), add noise, round as KITTI rounds."""
+    beams = make_beams(lidar)
+    hits = cast(mesh.corners, beams, lidar.max_range)
+    rays = directions(beams)
+    noise, chance, flicker = rng.standard_normal(len(rays)), rng.random((2, len(rays))), rng.standard_normal(len(rays))
+    hit = np.flatnonzero(hits.triangle >= 0)
+    face, ray, distance = hits.triangle[hit], rays[hit], hits.distance[hit]
+    cosine = _incidence(mesh.corners[face], ray)
+    reflectance = mesh.reflectance[face]
+    strength = reflectance * (0.35 + 0.65 * cosine) * (45.0 / (45.0 + np.maximum(distance - 10.0, 0.0)))
+    weak = strength * 30.0 < distance / lidar.max_range * chance[1, hit]
+    grazing = cosine < 0.02 + 0.03 * chance[1, hit]
+    lost = chance[0, hit] < lidar.lost + (1 - lidar.lost) * mesh.dropout[face]
+    kept = ~(weak | grazing | lost)
+    distance = distance + lidar.range_noise * np.round(noise[hit], 9)
+    intensity = np.clip(strength + 0.03 * np.round(flicker[hit], 9), 0.0, 0.99)
+    xyz = np.round(ray * distance[:, None], 3)
+    return Scan(xyz[kept], np.round(intensity, 2)[kept], face[kept])
+
+
+def _normals(corners: Float[np.ndarray, 'faces 3 3']) -> Float[np.ndarray, 'faces 3']:
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+
+
+def _dot(a: Float[np.ndarray, 'rows 3'], b: Float[np.ndarray, 'rows 3']) -> Float[np.ndarray, ' rows']:
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+
+
+def _plane_distance(
+    corners: Float[np.ndarray, 'faces 3 3'], rays: Float[np.ndarray, 'faces 3']
+) -> Float[np.ndarray, ' faces']:
+    normal = _normals(corners)
+    return _dot(corners[:, 0], normal) / _dot(rays, normal)
+
+
+def _incidence(
+    corners: Float[np.ndarray, 'faces 3 3'], rays: Float[np.ndarray, 'faces 3']
+) -> Float[np.ndarray, ' faces']:
+    """Cosine between a beam and the normal of the surface, in [0, 1]."""
+    normal = _normals(corners)
+    return np.abs(_dot(rays, normal)) / np.sqrt(_dot(normal, normal))
+
+
+@njit(cache=True)
+def _draw(corners: Any, azimuth: Any, elevation: Any, step: float, max_range: float) -> Any:
+    """Triangle and distance of each beam; a depth buffer over (beam, azimuth)."""
+    beams, columns = elevation.shape[0], azimuth.shape[0]
+    best = np.full(beams * columns, max_range)
+    owner = np.full(beams * columns, -1, dtype=np.int64)
+    tangent = elevation[:, 1] / elevation[:, 0]
+    for f in range(corners.shape[0]):
+        row_from, row_to = _rows(corners[f], tangent)
+        if row_from >= row_to:
+            continue
+        column_from, column_to = _columns(corners[f], step, columns)
+        x0, y0, z0 = corners[f, 0, 0], corners[f, 0, 1], corners[f, 0, 2]
+        x1, y1, z1 = corners[f, 1, 0], corners[f, 1, 1], corners[f, 1, 2]
+        x2, y2, z2 = corners[f, 2, 0], corners[f, 2, 1], corners[f, 2, 2]
+        # A beam d passes inside where d . (a x b), d . (b x c) and d . (c x a) have one sign; shared edges give exactly
+        # opposite numbers, so nothing slips between two triangles.
+        ax, ay, az = y0 * z1 - z0 * y1, z0 * x1 - x0 * z1, x0 * y1 - y0 * x1
+        bx, by, bz = y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2
+        cx, cy, cz = y2 * z0 - z2 * y0, z2 * x0 - x2 * z0, x2 * y0 - y2 * x0
+        ux, uy, uz, vx, vy, vz = x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        offset = x0 * nx + y0 * ny + z0 * nz
+        for column in range(column_from, column_to):
+            k = column % columns
+            ca, sa = azimuth[k, 0], azimuth[k, 1]
+            for row in range(row_from, row_to):
+                dx, dy, dz = elevation[row, 0] * ca, elevation[row, 0] * sa, elevation[row, 1]
+                a = dx * ax + dy * ay + dz * az
+                b = dx * bx + dy * by + dz * bz
+                c = dx * cx + dy * cy + dz * cz
+                if not ((a >= 0 and b >= 0 and c >= 0) or (a <= 0 and b <= 0 and c <= 0)):
+                    continue
+                slope = dx * nx + dy * ny + dz * nz
+                if slope == 0:
+                    continue
+                distance = offset / slope
+                ray = row * columns + k
+                if 0 < distance < best[ray]:
+                    best[ray] = distance
+                    owner[ray] = f
+    return owner, best
+
+
+@njit(cache=True)
+def _rows(corner: Any, tangent: Any) -> Any:
+    """Beams that may meet a triangle; conservative. The tangents descend."""
+    low, high = min(corner[0, 2], corner[1, 2], corner[2, 2]), max(corner[0, 2], corner[1, 2], corner[2, 2])
+    near, far = _plan_distances(corner)
+    near = max(near, 1e-6)
+    far = max(far, 1e-6)
+    top = high / near if high >= 0 else high / far
+    bottom = low / far if low >= 0 else low / near
+    margin = 1e-6
+    return np.searchsorted(-tangent, -top - margin), np.searchsorted(-tangent, -bottom + margin)
+
+
+@njit(cache=True)
+def _plan_distances(corner: Any) -> Any:
+    """Least and greatest distance of a triangle from the z axis."""
+    inside_left, inside_right = True, True
+    near_sq, far_sq = np.inf, 0.0
+    for i in range(3):
+        x, y = corner[i, 0], corner[i, 1]
+        ex, ey = corner[(i + 1) % 3, 0] - x, corner[(i + 1) % 3, 1] - y
+        side = ex * -y - ey * -x
+        inside_left = inside_left and side >= 0
+        inside_right = inside_right and side <= 0
+        length_sq = ex * ex + ey * ey
+        t = 0.0 if length_sq == 0 else min(max(-(x * ex + y * ey) / length_sq, 0.0), 1.0)
+        px, py = x + t * ex, y + t * ey
+        near_sq = min(near_sq, px * px + py * py)
+        far_sq = max(far_sq, x * x + y * y)
+    if inside_left or inside_right:
+        near_sq = min(near_sq, 0.0) if not (inside_left and inside_right) else near_sq
+    return np.sqrt(near_sq), np.sqrt(far_sq)
+
+
+@njit(cache=True)
+def _columns(corner: Any, step: float, columns: int) -> Any:
+    """First column and the one after the last; they may pass the end of the turn, to be taken modulo."""
+    first = np.arctan2(corner[0, 1], corner[0, 0])
+    low, high = 0.0, 0.0
+    for i in range(1, 3):
+        turn = np.arctan2(corner[i, 1], corner[i, 0]) - first
+        if turn > np.pi:
+            turn -= 2 * np.pi
+        elif turn < -np.pi:
+            turn += 2 * np.pi
+        low, high = min(low, turn), max(high, turn)
+    if high - low >= np.pi - 1e-9:
+        return 0, columns
+    start = first + low
+    if start < 0:
+        start += 2 * np.pi
+    begin = int(np.floor(start / step - 1e-6))
+    end = int(np.ceil((start + high - low) / step + 1e-6)) + 1
+    # Where the last gap of the turn is not a whole step, the columns after the seam lie up to one step further.
+    if end > columns:
+        end += 1
+    if begin < 0:
+        begin += columns
+        end += columns
+    return (0, columns) if end - begin >= columns else (begin, end)
