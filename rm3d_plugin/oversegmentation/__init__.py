@@ -1,0 +1,7 @@
+"""From points to regions: each over-segmenter partitions a cloud by its descriptors."""
+
+from rm3d_plugin.oversegmentation.base import Oversegmenter
+from rm3d_plugin.oversegmentation.precomputed import Precomputed
+from rm3d_plugin.oversegmentation.region_growing import RegionGrowing
+
+__all__ = ['Oversegmenter', 'Precomputed', 'RegionGrowing']

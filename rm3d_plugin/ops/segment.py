@@ -1,0 +1,127 @@
+"""Sums, means and votes over the points of each segment; a label of -1 takes a point out."""
+
+import numpy as np
+from jaxtyping import Float, Int
+from numba import njit
+
+
+def _checked(labels: np.ndarray, rows: int, count: int) -> Int[np.ndarray, ' points']:
+    out = np.ascontiguousarray(labels, dtype=np.int64)
+    if out.shape != (rows,):
+        raise ValueError(f'segment labels: expected shape ({rows},), one a row of values, got {out.shape}')
+    if rows and (out.min() < -1 or out.max() >= count):
+        raise ValueError(f'segment labels: expected -1..{count - 1}, got {out.min()}..{out.max()}')
+    return out
+
+
+def segment_sum(
+    values: Float[np.ndarray, 'points channels'], labels: Int[np.ndarray, ' points'], count: int
+) -> Float[np.ndarray, 'segments channels']:
+    """Sum of the rows of each segment, float64, added in the order of the points.
+
+    Args:
+        values: Any numbers.
+        labels: Segment of each point, -1 = none.
+        count: Number of segments; one without points gets zeros.
+
+    Raises:
+        ValueError: A label is out of range, or the rows do not match.
+    """
+    rows = np.ascontiguousarray(values)
+    out = np.zeros((count, rows.shape[1]))
+    _add_rows(rows, _checked(labels, len(rows), count), out)
+    return out
+
+
+def segment_mean(
+    values: Float[np.ndarray, 'points channels'], labels: Int[np.ndarray, ' points'], count: int
+) -> Float[np.ndarray, 'segments channels']:
+    """Mean of the rows of each segment; zeros for a segment without points."""
+    sums = segment_sum(values, labels, count)
+    return sums / np.maximum(segment_sizes(labels, count), 1)[:, None]
+
+
+def segment_sizes(labels: Int[np.ndarray, ' points'], count: int) -> Int[np.ndarray, ' segments']:
+    """Points of each segment."""
+    checked = _checked(labels, len(labels), count)
+    return np.bincount(checked[checked >= 0], minlength=count)
+
+
+def segment_majority(
+    values: Int[np.ndarray, ' points'], labels: Int[np.ndarray, ' points'], count: int
+) -> Int[np.ndarray, ' segments']:
+    """Most frequent value of each segment, ties to the lower value; -1 where no point has a value of 0 or more."""
+    checked = _checked(labels, len(values), count)
+    voters = (checked >= 0) & (np.asarray(values) >= 0)
+    out = np.full(count, -1, dtype=np.int64)
+    if not voters.any():
+        return out
+    pairs, votes = np.unique(
+        np.stack([checked[voters], np.asarray(values)[voters]], axis=1), axis=0, return_counts=True
+    )
+    order = np.lexsort((pairs[:, 1], -votes, pairs[:, 0]))
+    segments, first = np.unique(pairs[order, 0], return_index=True)
+    out[segments] = pairs[order[first], 1]
+    return out
+
+
+def segment_mean_axis(
+    normals: Float[np.ndarray, 'points 3'], labels: Int[np.ndarray, ' points'], count: int
+) -> Float[np.ndarray, 'segments 3']:
+    """Unit mean of the normals of each segment after aligning their signs (METHOD 2: nothing depends on the sign).
+
+    The signs follow the axis that the normals agree on most (leading eigenvector of the sum of n n^T); the result
+    points to the side of the segment's first non-zero normal.
+
+    Args:
+        normals: Unit vectors of either sign; zero where unknown.
+        labels: Segment of each point, -1 = none.
+        count: Number of segments.
+
+    Returns:
+        Unit vectors; zero for a segment without a known normal.
+    """
+    given = np.ascontiguousarray(normals, dtype=np.float64)
+    checked = _checked(labels, len(given), count)
+    axes = np.linalg.eigh(_scatter(given, checked, count))[1][:, :, 2]
+    return _aligned_mean(given, checked, np.ascontiguousarray(axes))
+
+
+@njit(cache=True)
+def _add_rows(values: np.ndarray, labels: np.ndarray, out: np.ndarray) -> None:
+    for p in range(len(labels)):
+        if labels[p] >= 0:
+            for c in range(values.shape[1]):
+                out[labels[p], c] += values[p, c]
+
+
+@njit(cache=True)
+def _scatter(normals: np.ndarray, labels: np.ndarray, count: int) -> np.ndarray:
+    out = np.zeros((count, 3, 3))
+    for p in range(len(labels)):
+        if labels[p] >= 0:
+            for a in range(3):
+                for b in range(3):
+                    out[labels[p], a, b] += normals[p, a] * normals[p, b]
+    return out
+
+
+@njit(cache=True)
+def _aligned_mean(normals: np.ndarray, labels: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    out = np.zeros_like(axes)
+    side = np.zeros(len(axes))
+    for p in range(len(labels)):
+        r = labels[p]
+        if r < 0:
+            continue
+        dot = normals[p, 0] * axes[r, 0] + normals[p, 1] * axes[r, 1] + normals[p, 2] * axes[r, 2]
+        sign = -1.0 if dot < 0 else 1.0
+        if side[r] == 0 and dot != 0:
+            side[r] = sign
+        for c in range(3):
+            out[r, c] += sign * normals[p, c]
+    for r in range(len(axes)):
+        length = np.sqrt(out[r, 0] ** 2 + out[r, 1] ** 2 + out[r, 2] ** 2)
+        for c in range(3):
+            out[r, c] = side[r] * out[r, c] / length if length > 0 else 0.0
+    return out

@@ -1,0 +1,337 @@
+"""Region growing on points: Algorithm 1 with Conditions 1 and 2 (METHOD 5)."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, final
+
+import numpy as np
+from jaxtyping import Float, Int
+from numba import njit
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from rm3d_plugin.ops._parallel import map_blocks
+from rm3d_plugin.ops.normals import estimate_normals
+from rm3d_plugin.ops.octree import Octree
+from rm3d_plugin.ops.segment import segment_mean_axis, segment_sizes, segment_sum
+from rm3d_plugin.oversegmentation.base import Oversegmenter
+from rm3d_plugin.registry import OVERSEGMENTERS
+from rm3d_plugin.structures import Descriptors, PointCloud
+
+BLOCK = 4096  # points whose links one thread decides at a time
+
+
+class Affinity(NamedTuple):
+    """How alike two points or regions are: A = sqrt(ln An^2 + ld Ad^2), paper 3.4.
+
+    Attributes:
+        normal_weight: Weight ln of the normals' |cosine|.
+        descriptor_weight: Weight ld of the descriptors' cosine, clipped to [0, 1].
+        normalised: Divide by sqrt(ln + ld), so that A is in [0, 1]; False is the paper's formula as printed.
+    """
+
+    normal_weight: float = 1.0
+    descriptor_weight: float = 1.0
+    normalised: bool = True
+
+
+class Links(NamedTuple):
+    """Neighbours of each point that are near enough, and whether growing may cross.
+
+    Attributes:
+        neighbors: (N, k) point numbers, -1 where there is none within reach.
+        joins: (N, k) bool, Condition 1.
+    """
+
+    neighbors: Int[np.ndarray, 'points k']
+    joins: np.ndarray
+
+
+def unit_rows(values: np.ndarray, valid: np.ndarray) -> Float[np.ndarray, 'rows channels']:
+    """Rows of length one, so that a dot product is a cosine; zero where not valid or of no length."""
+    length = np.sqrt(np.einsum('ij,ij->i', values, values, dtype=np.float64))
+    scale = np.where(valid & (length > 0), 1.0 / np.where(length > 0, length, 1.0), 0.0)
+    return np.ascontiguousarray(values * scale[:, None].astype(values.dtype))
+
+
+def link_points(
+    xyz: Float[np.ndarray, 'points 3'],
+    normals: Float[np.ndarray, 'points 3'],
+    descriptors: Float[np.ndarray, 'points features'],
+    neighbors: int,
+    reach: Float[np.ndarray, ' points'],
+    threshold: float,
+    affinity: Affinity,
+) -> Links:
+    """Decide Condition 1 for each point and its nearest neighbours.
+
+    Args:
+        xyz: Metres.
+        normals: Unit vectors of either sign; zero where unknown: the term drops out of the affinity and its normaliser.
+        descriptors: Unit rows; zero where not valid: drops out likewise.
+        neighbors: How many nearest points are looked at.
+        reach: Metres; a neighbour farther away never joins.
+        threshold: Least affinity to join.
+        affinity: Its weights.
+    """
+    near = Octree(xyz).knn(xyz, neighbors + 1)
+    found = near.indices.astype(np.int64)
+    found[(near.sq_dists > np.square(reach)[:, None]) | (found == np.arange(len(xyz))[:, None])] = -1
+    joins = np.zeros(found.shape, dtype=np.bool_)
+    rows = (normals, normals.any(axis=1), descriptors, descriptors.any(axis=1))
+    map_blocks(lambda a, b: _join_block(a, b, found, *rows, float(threshold), *affinity, joins), len(xyz), BLOCK)
+    return Links(found, joins)
+
+
+def grow_regions(
+    links: Links, order: Int[np.ndarray, ' points'], curvature: Float[np.ndarray, ' points'], zeta: float
+) -> Int[np.ndarray, ' points']:
+    """Algorithm 1 on points.
+
+    Args:
+        links: Neighbours and Condition 1.
+        order: All points, in the order in which they become seeds if no region has reached them by then.
+        curvature: Curvature of each point.
+        zeta: Condition 2: a point that joined goes on growing where its curvature differs by at most this.
+
+    Returns:
+        Region of each point, numbered in the order of the seeds.
+    """
+    return _grow(links.neighbors, links.joins, order, np.asarray(curvature, dtype=np.float64), zeta)
+
+
+def seed_order(
+    curvature: Float[np.ndarray, ' points'], seeds: Int[np.ndarray, ' seeds'] | None
+) -> Int[np.ndarray, ' points']:
+    """Labelled points first, then all by curvature, each group ascending, ties by number.
+
+    The lowest 2 permille of curvature that Algorithm 1 starts from are the head of the second group: as each seed grows
+    until it stops before the next one starts, they need no group of their own.
+    """
+    second = np.ones(len(curvature), dtype=np.bool_)
+    if seeds is not None:
+        second[seeds] = False
+    return np.lexsort((curvature, second))
+
+
+def absorb_small(
+    labels: Int[np.ndarray, ' points'],
+    neighbors: Int[np.ndarray, 'points k'],
+    normals: Float[np.ndarray, 'points 3'],
+    descriptors: Float[np.ndarray, 'points features'],
+    min_region: int,
+    affinity: Affinity,
+) -> Int[np.ndarray, ' points']:
+    """Join each region of fewer than ``min_region`` points to its most affine adjacent region.
+
+    All small regions choose at once, ties to the region of the lower number, and the round repeats until every small
+    region has grown or has no neighbour. A region that is large enough chooses nobody, so no two such are joined.
+    """
+    while len(labels):
+        count = int(labels.max()) + 1
+        small = segment_sizes(labels, count) < min_region
+        pairs = _adjacent_to_small(labels, neighbors, small, count)
+        if not len(pairs):
+            break
+        axes = segment_mean_axis(normals, labels, count)
+        sums = segment_sum(descriptors, labels, count)
+        score = pair_affinity(axes, unit_rows(sums, np.ones(count, dtype=np.bool_)), pairs, affinity)
+        order = np.lexsort((pairs[:, 1], -score, pairs[:, 0]))
+        chooser, first = np.unique(pairs[order, 0], return_index=True)
+        chosen = pairs[order[first], 1]
+        edges = coo_array((np.ones(len(chooser), dtype=np.int8), (chooser, chosen)), shape=(count, count))
+        labels = connected_components(edges, directed=False)[1].astype(np.int64)[labels]
+    return labels
+
+
+def pair_affinity(
+    normals: Float[np.ndarray, 'rows 3'],
+    descriptors: Float[np.ndarray, 'rows features'],
+    pairs: Int[np.ndarray, 'pairs 2'],
+    affinity: Affinity,
+) -> Float[np.ndarray, ' pairs']:
+    """Affinity of pairs of rows; zero rows drop out as in :func:`link_points`."""
+    rows, partners = pairs[:, 0], pairs[:, 1]
+    a_normal = np.abs(np.einsum('ij,ij->i', normals[rows], normals[partners]))
+    a_descriptor = np.clip(np.einsum('ij,ij->i', descriptors[rows], descriptors[partners]), 0.0, 1.0)
+    known_normal, known_descriptor = (normals != 0).any(axis=1), (descriptors != 0).any(axis=1)
+    w_normal = affinity.normal_weight * (known_normal[rows] & known_normal[partners])
+    w_descriptor = affinity.descriptor_weight * (known_descriptor[rows] & known_descriptor[partners])
+    total = w_normal + w_descriptor
+    squared = w_normal * np.square(a_normal) + w_descriptor * np.square(a_descriptor)
+    if affinity.normalised:
+        squared = np.divide(squared, total, out=np.zeros_like(squared), where=total > 0)
+    return np.sqrt(squared)
+
+
+def _adjacent_to_small(
+    labels: np.ndarray, neighbors: np.ndarray, small: np.ndarray, count: int
+) -> Int[np.ndarray, 'pairs 2']:
+    """Unique (small region, adjacent region), sorted."""
+    rows, columns = np.nonzero(neighbors >= 0)
+    a, b = labels[rows], labels[neighbors[rows, columns]]
+    a, b = np.concatenate([a, b]), np.concatenate([b, a])
+    wanted = (a != b) & small[a]
+    keys = np.unique(a[wanted] * count + b[wanted])
+    return np.stack([keys // count, keys % count], axis=1)
+
+
+@OVERSEGMENTERS.register_module()
+@final
+class RegionGrowing(Oversegmenter):
+    """Regions of points that are alike in normal, descriptor and curvature (METHOD 5).
+
+    Args:
+        threshold: Condition 1: least affinity to join. Larger: smaller, purer regions.
+        theta: The same in the paper's terms, an angle in degrees whose cosine replaces ``threshold``; None leaves it.
+        zeta: Condition 2: curvature difference up to which a point that joined goes on growing. Larger: larger regions.
+        neighbors: Nearest points that a seed looks at.
+        min_region: Regions of fewer points are absorbed by their most affine neighbour.
+        drop_below: Regions of fewer points are discarded (label -1; N_ths of the paper); None keeps all.
+        affinity_normal_weight: Weight of the normals in the affinity.
+        affinity_descriptor_weight: Weight of the descriptors.
+        normalise_affinity: Divide the affinity by its weights; False is the paper's formula as printed.
+        max_edge: Metres; a neighbour farther away never joins nor absorbs. None: no limit.
+        range_growth: Metres that ``max_edge`` gains for each metre from the sensor; of no effect where the cloud does
+            not know its sensor.
+        normal_neighbors: Neighbours for normals and curvature where the cloud has none.
+        ground: Options of :func:`rm3d_plugin.ops.ground.segment_ground`: removes the ground first. None keeps it.
+    """
+
+    def __init__(
+        self,
+        threshold: float = 0.8,
+        theta: float | None = None,
+        zeta: float = 0.02,
+        neighbors: int = 12,
+        min_region: int = 20,
+        drop_below: int | None = None,
+        affinity_normal_weight: float = 1.0,
+        affinity_descriptor_weight: float = 1.0,
+        normalise_affinity: bool = True,
+        max_edge: float | None = None,
+        range_growth: float = 0.0,
+        normal_neighbors: int = 20,
+        ground: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(ground)
+        if neighbors < 1 or zeta < 0 or (max_edge is not None and max_edge <= 0) or range_growth < 0:
+            raise ValueError(
+                f'RegionGrowing: expected neighbors >= 1, zeta >= 0, max_edge > 0 or None, range_growth >= 0, '
+                f'got {neighbors}, {zeta}, {max_edge}, {range_growth}'
+            )
+        if min(affinity_normal_weight, affinity_descriptor_weight) < 0:
+            raise ValueError('RegionGrowing: affinity weights must not be negative')
+        self.threshold = threshold if theta is None else float(np.cos(np.deg2rad(theta)))
+        self.zeta = zeta
+        self.neighbors = neighbors
+        self.min_region = min_region
+        self.drop_below = drop_below
+        self.affinity = Affinity(float(affinity_normal_weight), float(affinity_descriptor_weight), normalise_affinity)
+        self.max_edge = max_edge
+        self.range_growth = range_growth
+        self.normal_neighbors = normal_neighbors
+
+    def partition(
+        self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
+    ) -> Int[np.ndarray, ' points']:
+        """Grow, absorb, drop."""
+        if len(cloud) == 0:
+            return np.zeros(0, dtype=np.int64)
+        normals, curvature = self._normals(cloud)
+        described = unit_rows(descriptors.values, descriptors.valid)
+        links = link_points(
+            cloud.xyz, normals, described, self.neighbors, self._reach(cloud), self.threshold, self.affinity
+        )
+        labels = grow_regions(links, seed_order(curvature, seeds), curvature, self.zeta)
+        labels = absorb_small(labels, links.neighbors, normals, described, self.min_region, self.affinity)
+        return labels if self.drop_below is None else drop_small(labels, self.drop_below)
+
+    def _normals(self, cloud: PointCloud) -> tuple[Float[np.ndarray, 'points 3'], Float[np.ndarray, ' points']]:
+        if cloud.normals is not None and cloud.curvature is not None:
+            return cloud.normals, cloud.curvature
+        found = estimate_normals(cloud.xyz, k=self.normal_neighbors, viewpoint=cloud.sensor)
+        normals = cloud.normals if cloud.normals is not None else np.where(found.valid[:, None], found.normals, 0.0)
+        curvature = cloud.curvature if cloud.curvature is not None else found.curvature
+        return normals.astype(np.float32), curvature.astype(np.float32)
+
+    def _reach(self, cloud: PointCloud) -> Float[np.ndarray, ' points']:
+        """How far each point looks, in metres."""
+        if self.max_edge is None:
+            return np.full(len(cloud), np.inf)
+        if cloud.sensor is None:
+            return np.full(len(cloud), float(self.max_edge))
+        distance = np.linalg.norm(cloud.xyz - np.asarray(cloud.sensor), axis=1)
+        return self.max_edge + self.range_growth * distance
+
+
+def drop_small(labels: Int[np.ndarray, ' points'], least: int) -> Int[np.ndarray, ' points']:
+    """Discard (-1) the regions of fewer than ``least`` points."""
+    sizes = segment_sizes(labels, int(labels.max()) + 1 if len(labels) else 0)
+    small = np.append(sizes < least, True)  # the last entry answers for label -1
+    return np.where(small[labels], -1, labels)
+
+
+@njit(cache=True, nogil=True)
+def _join_block(
+    start: int,
+    stop: int,
+    neighbors: np.ndarray,
+    normals: np.ndarray,
+    known_normal: np.ndarray,
+    descriptors: np.ndarray,
+    known_descriptor: np.ndarray,
+    threshold: float,
+    normal_weight: float,
+    descriptor_weight: float,
+    normalised: bool,
+    joins: np.ndarray,
+) -> None:
+    """Condition 1 for the points start..stop-1; compares squares, which spares the root."""
+    for i in range(start, stop):
+        for slot in range(neighbors.shape[1]):
+            j = neighbors[i, slot]
+            if j < 0:
+                continue
+            squared, total = 0.0, 0.0
+            if known_normal[i] and known_normal[j]:
+                dot = 0.0
+                for c in range(3):
+                    dot += normals[i, c] * normals[j, c]
+                squared += normal_weight * dot * dot
+                total += normal_weight
+            if known_descriptor[i] and known_descriptor[j]:
+                dot = 0.0
+                for c in range(descriptors.shape[1]):
+                    dot += descriptors[i, c] * descriptors[j, c]
+                dot = min(max(dot, 0.0), 1.0)
+                squared += descriptor_weight * dot * dot
+                total += descriptor_weight
+            joins[i, slot] = total > 0 and squared >= threshold * threshold * (total if normalised else 1.0)
+
+
+@njit(cache=True)
+def _grow(
+    neighbors: np.ndarray, joins: np.ndarray, order: np.ndarray, curvature: np.ndarray, zeta: float
+) -> np.ndarray:
+    labels = np.full(len(order), -1, dtype=np.int64)
+    queue = np.empty(len(order), dtype=np.int64)
+    region = 0
+    for start in order:
+        if labels[start] >= 0:
+            continue
+        labels[start] = region
+        queue[0] = start
+        head, tail = 0, 1
+        while head < tail:
+            seed = queue[head]
+            head += 1
+            for slot in range(neighbors.shape[1]):
+                j = neighbors[seed, slot]
+                if j < 0 or not joins[seed, slot] or labels[j] >= 0:
+                    continue
+                labels[j] = region
+                if abs(curvature[j] - curvature[seed]) <= zeta:
+                    queue[tail] = j
+                    tail += 1
+        region += 1
+    return labels

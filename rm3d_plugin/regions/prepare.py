@@ -1,0 +1,124 @@
+"""The geometry path: from a raw scene to its region graph."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rm3d_plugin.ops.normals import estimate_normals
+from rm3d_plugin.oversegmentation import Oversegmenter
+from rm3d_plugin.oversegmentation.base import seeds_among
+from rm3d_plugin.regions.graph import build_region_graph
+from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions, SceneError
+
+
+class Descriptor(Protocol):
+    """What a descriptor provider has to offer."""
+
+    def compute(self, cloud: PointCloud) -> Descriptors:
+        """One row a point."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedScene:
+    """All that label making needs to know of a scene's geometry.
+
+    Attributes:
+        cloud: With normals and curvature; both are zero for points that the over-segmenter removed as ground.
+        regions: The partition; ground and discarded points have the label -1.
+        graph: Its regions with features and edges.
+    """
+
+    cloud: PointCloud
+    regions: Regions
+    graph: RegionGraph
+
+    def __post_init__(self) -> None:
+        if len(self.regions.labels) != len(self.cloud):
+            raise ValueError(f'PreparedScene: regions cover {len(self.regions.labels)} of {len(self.cloud)} points')
+        if len(self.graph) != len(self.regions):
+            raise ValueError(f'PreparedScene: graph of {len(self.graph)} regions, partition of {len(self.regions)}')
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Plain arrays under dotted names (``cloud.xyz``); what is None is left out."""
+        out = {'regions.labels': self.regions.labels}
+        for prefix, part in (('cloud', self.cloud), ('graph', self.graph)):
+            values = {item.name: getattr(part, item.name) for item in fields(part)}
+            out.update({f'{prefix}.{name}': np.asarray(value) for name, value in values.items() if value is not None})
+        return out
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> 'PreparedScene':
+        """Undo :meth:`to_arrays`.
+
+        Raises:
+            SceneError: An array that every prepared scene has is missing.
+        """
+        needed = {'regions.labels', 'cloud.xyz', 'graph.sizes', 'graph.edges'}
+        if missing := sorted(needed - set(arrays)):
+            raise SceneError(
+                f'PreparedScene.from_arrays: {missing} missing, got {sorted(arrays)}; prepare the scene again'
+            )
+
+        def part(prefix: str) -> dict[str, np.ndarray]:
+            return {name.split('.', 1)[1]: arrays[name] for name in arrays if name.startswith(prefix + '.')}
+
+        graph = part('graph')
+        colors = graph.pop('colors', None)
+        return cls(PointCloud(**part('cloud')), Regions(arrays['regions.labels']), RegionGraph(colors=colors, **graph))
+
+
+def prepare_scene(
+    cloud: PointCloud,
+    descriptor: Descriptor,
+    oversegmenter: Oversegmenter,
+    graph_neighbors: int = 8,
+    max_gap: float | None = None,
+    seeds: Int[np.ndarray, ' seeds'] | None = None,
+    normal_neighbors: int = 20,
+) -> PreparedScene:
+    """Ground off, normals, descriptor, over-segmentation, graph (METHOD 2, 3, 5, 6).
+
+    Ground that the over-segmenter does not want is taken away before anything else is computed.
+
+    Args:
+        cloud: The raw scene; normals and curvature are estimated where missing.
+        descriptor: Has ``compute(cloud)``.
+        oversegmenter: Splits the points that are left.
+        graph_neighbors: Adjacent regions that each region keeps.
+        max_gap: Metres between adjacent regions; see :func:`rm3d_plugin.regions.graph.build_region_graph`.
+        seeds: Numbers of labelled points, or None.
+        normal_neighbors: Neighbours for normals and curvature.
+
+    Returns:
+        The scene with one label a point of ``cloud``.
+    """
+    kept = np.flatnonzero(~oversegmenter.find_ground(cloud))
+    rest = with_normals(cloud.select(kept), normal_neighbors)
+    descriptors = descriptor.compute(rest)
+    labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)))
+    graph = build_region_graph(rest, descriptors, Regions(labels), graph_neighbors, max_gap)
+
+    assert rest.normals is not None and rest.curvature is not None
+    normals = scatter(rest.normals, kept, len(cloud), fill=0)
+    curvature = scatter(rest.curvature, kept, len(cloud), fill=0)
+    everywhere = scatter(np.asarray(labels, dtype=np.int64), kept, len(cloud), fill=-1)
+    return PreparedScene(replace(cloud, normals=normals, curvature=curvature), Regions(everywhere), graph)
+
+
+def with_normals(cloud: PointCloud, neighbors: int = 20) -> PointCloud:
+    """The cloud with normals and curvature, estimated from ``neighbors`` nearest points where it has none."""
+    if cloud.normals is not None and cloud.curvature is not None:
+        return cloud
+    found = estimate_normals(cloud.xyz, k=neighbors, viewpoint=cloud.sensor)
+    normals = np.where(found.valid[:, None], found.normals, 0.0) if cloud.normals is None else cloud.normals
+    curvature = found.curvature if cloud.curvature is None else cloud.curvature
+    return replace(cloud, normals=normals, curvature=curvature)
+
+
+def scatter(values: Float[np.ndarray, 'kept ...'], kept: Int[np.ndarray, ' kept'], total: int, fill: int) -> np.ndarray:
+    """Rows of the kept points put back among all points; ``fill`` elsewhere."""
+    out = np.full((total, *values.shape[1:]), fill, dtype=values.dtype)
+    out[kept] = values
+    return out
