@@ -1,0 +1,146 @@
+"""From groups of an object class to the pseudo boxes of a scene (METHOD 7)."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rm3d_plugin.pseudo_labels.boxes import BoxFit, complete_box, is_plausible, suppress
+from rm3d_plugin.pseudo_labels.propagate import GroupLabels
+from rm3d_plugin.structures import Boxes3D
+
+
+@dataclass(frozen=True)
+class ObjectRules:
+    """When a group of points is an object, and when a region cannot be one.
+
+    Attributes:
+        min_points: Fewest points of a pseudo box; larger: fewer, better boxes.
+        max_excess: A group larger than this times its class's usual size is not one object.
+        max_iou: Overlap from above that two boxes may have.
+        background_ratio: A region larger or higher than this times every class's usual size is background.
+    """
+
+    min_points: int = 8
+    max_excess: float = 1.35
+    max_iou: float = 0.1
+    background_ratio: float = 1.5
+
+    def __post_init__(self) -> None:
+        for name, low in (('min_points', 1), ('max_excess', 1), ('max_iou', 0), ('background_ratio', 1)):
+            if not getattr(self, name) >= low:
+                raise ValueError(f'ObjectRules.{name}: expected at least {low}, got {getattr(self, name)!r}')
+
+
+class EarlierObjects(NamedTuple):
+    """Pseudo boxes of the last round that still stand.
+
+    Attributes:
+        boxes: The boxes.
+        point_box: (N,) int64 row of the box that each point belonged to, -1 = none.
+    """
+
+    boxes: Boxes3D
+    point_box: Int[np.ndarray, ' points']
+
+
+class Objects(NamedTuple):
+    """Pseudo boxes of a scene.
+
+    Attributes:
+        boxes: Kept boxes; the score is the confidence of the group.
+        point_box: (N,) int64 row of the box that each point belongs to, -1 = none.
+        rejected: (N,) bool, points of groups that are larger than their class allows.
+        counts: 'pseudo_boxes', 'rejected_groups' (too large), 'small_groups' (too few points), 'suppressed_boxes'.
+    """
+
+    boxes: Boxes3D
+    point_box: Int[np.ndarray, ' points']
+    rejected: Bool[np.ndarray, ' points']
+    counts: dict[str, float]
+
+
+class _Candidate(NamedTuple):
+    group: int
+    label: int
+    score: float
+    fit: BoxFit
+
+
+def find_objects(
+    xyz: Float[np.ndarray, 'points 3'],
+    point_groups: Int[np.ndarray, ' points'],
+    groups: GroupLabels,
+    true_boxes: Boxes3D,
+    priors: Float[np.ndarray, 'classes 3'],
+    ground_z: Float[np.ndarray, ' points'] | None,
+    sensor: tuple[float, float],
+    earlier: EarlierObjects | None,
+    rules: ObjectRules,
+) -> Objects:
+    """A box for every group of an object class that is plausible and has its place to itself.
+
+    Args:
+        xyz: Points, metres.
+        point_groups: Group of each point that may belong to a pseudo box, -1 for the others.
+        groups: Class and confidence of each group.
+        true_boxes: Revealed boxes, which always win.
+        priors: Usual sizes, metres; NaN: the class gets no box. Classes beyond are background.
+        ground_z: Height of the ground under each point, metres, or None.
+        sensor: Position of the sensor from above, metres.
+        earlier: Boxes of the last round, which compete by their scores; at equal scores the new one wins.
+        rules: Thresholds.
+    """
+    usable = np.append(np.isfinite(priors).all(axis=1), [False])
+    wanted = usable[np.where((groups.classes >= 0) & (groups.classes < len(priors)), groups.classes, len(priors))]
+    order = np.argsort(point_groups, kind='stable')
+    starts = np.searchsorted(point_groups[order], np.arange(len(groups.classes) + 1))
+    fits, too_large, too_small = [], [], 0
+    for group in np.flatnonzero(wanted):
+        members = order[starts[group] : starts[group + 1]]
+        if len(members) < rules.min_points:
+            too_small += len(members) > 0
+            continue
+        label = int(groups.classes[group])
+        ground = None if ground_z is None else float(np.median(ground_z[members]))
+        fit = complete_box(xyz[members], priors[label], ground, sensor)
+        if is_plausible(fit, priors[label], rules.max_excess):
+            fits.append(_Candidate(int(group), label, float(groups.confidence[group]), fit))
+        else:
+            too_large.append(group)
+    rejected = np.isin(point_groups, np.array(too_large, dtype=np.int64))
+    boxes, point_box, lost = _compete(point_groups, fits, true_boxes, earlier, rules)
+    counts = {
+        'pseudo_boxes': float(len(boxes)),
+        'rejected_groups': float(len(too_large)),
+        'small_groups': float(too_small),
+        'suppressed_boxes': float(lost),
+    }
+    return Objects(boxes, point_box, rejected, counts)
+
+
+def _compete(
+    point_groups: Int[np.ndarray, ' points'],
+    fits: list[_Candidate],
+    true_boxes: Boxes3D,
+    earlier: EarlierObjects | None,
+    rules: ObjectRules,
+) -> tuple[Boxes3D, Int[np.ndarray, ' points'], int]:
+    """The boxes that keep their place, and each point's row of them; a point follows its box to the one that won."""
+    old = EarlierObjects(Boxes3D.empty(), np.full(len(point_groups), -1)) if earlier is None else earlier
+    assert old.boxes.scores is not None
+    candidates = Boxes3D(
+        np.concatenate([np.array([f.fit.box for f in fits]).reshape(-1, 7), old.boxes.tensor]),
+        np.concatenate([np.array([f.label for f in fits], dtype=np.int64), old.boxes.labels]),
+        np.concatenate([np.array([f.score for f in fits], dtype=np.float64), old.boxes.scores]),
+    )
+    winner = suppress(candidates, true_boxes, rules.max_iou)
+    kept = winner == np.arange(len(candidates))
+    row = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)
+    same_class = np.append(candidates.labels, -1)[winner] == candidates.labels
+    target = np.append(np.where(same_class, row[winner], -1), -1)
+    claimed = np.where(old.point_box >= 0, len(fits) + old.point_box, -1)
+    for number, candidate in enumerate(fits):
+        claimed[point_groups == candidate.group] = number
+    return candidates.select(kept), target[claimed].astype(np.int64), int((~kept).sum())

@@ -1,0 +1,176 @@
+"""From groups of regions to labels of points (METHOD 1)."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from rm3d_plugin.regions.strategy import Pooling
+from rm3d_plugin.structures import UNLABELLED
+
+
+class GroupLabels(NamedTuple):
+    """What a group of regions is.
+
+    Attributes:
+        classes: (G,) int64; -1 = unlabelled.
+        confidence: (G,) in [0, 1]: share of the majority among the true labels, else the mean softmax; 0 if unlabelled.
+        from_truth: (G,) bool, True where true labels decided (rule a).
+        probabilities: (G, C) size-weighted mean softmax; NaN where the network saw nothing of the group.
+    """
+
+    classes: Int[np.ndarray, ' groups']
+    confidence: Float[np.ndarray, ' groups']
+    from_truth: Bool[np.ndarray, ' groups']
+    probabilities: Float[np.ndarray, 'groups classes']
+
+
+class Pooled(NamedTuple):
+    """Rows pooled over regions.
+
+    Attributes:
+        values: (R, C) float64; NaN where no point of the region was seen.
+        seen: (R,) int64 points that took part.
+    """
+
+    values: Float[np.ndarray, 'regions channels']
+    seen: Int[np.ndarray, ' regions']
+
+
+def seen_rows(probabilities: Float[np.ndarray, 'points classes']) -> Bool[np.ndarray, ' points']:
+    """Points that the network saw: their row is finite and not all zero."""
+    return np.asarray(np.isfinite(probabilities).all(axis=1) & (probabilities > 0).any(axis=1))
+
+
+def pool_rows(
+    values: Float[np.ndarray, 'points channels'],
+    seen: Bool[np.ndarray, ' points'],
+    labels: Int[np.ndarray, ' points'],
+    count: int,
+    pooling: Pooling = 'mean',
+) -> Pooled:
+    """Mean (or maximum, renormalised) of the seen points' rows over each region or group.
+
+    Args:
+        values: One row a point.
+        seen: Which rows count.
+        labels: Region of each point; -1 counts nowhere.
+        count: Number of regions.
+        pooling: 'max' suits probabilities only: its rows are divided by their sum.
+    """
+    used = seen & (labels >= 0)
+    where, rows = labels[used], values[used].astype(np.float64)
+    number = np.bincount(where, minlength=count)
+    if pooling == 'max':
+        pooled = np.full((count, values.shape[1]), -np.inf)
+        np.maximum.at(pooled, where, rows)
+        pooled = np.where(number[:, None] > 0, pooled, 1.0)
+        pooled /= pooled.sum(axis=1, keepdims=True)
+    else:
+        sums = [np.bincount(where, weights=column, minlength=count) for column in rows.T]
+        pooled = np.stack(sums, axis=1) if sums else np.zeros((count, 0))
+        pooled = pooled / np.maximum(number, 1)[:, None]
+    pooled[number == 0] = np.nan
+    return Pooled(pooled, number)
+
+
+def majority(
+    labels: Int[np.ndarray, ' points'],
+    groups: Int[np.ndarray, ' points'],
+    count: int,
+    class_counts: Int[np.ndarray, ' classes'],
+) -> tuple[Int[np.ndarray, ' groups'], Float[np.ndarray, ' groups']]:
+    """Most frequent label of each group and its share; tie: the class more frequent in training, then the lower one.
+
+    Args:
+        labels: Class of each point, -1 = no vote.
+        groups: Group of each point, -1 = none.
+        count: Number of groups.
+        class_counts: How often each class occurs among the revealed training labels.
+
+    Returns:
+        (G,) int64 class, -1 where nobody voted, and (G,) share of the votes, 0 where nobody voted.
+    """
+    classes = len(class_counts)
+    used = (labels >= 0) & (groups >= 0)
+    votes = np.bincount(groups[used] * classes + labels[used], minlength=count * classes).reshape(count, classes)
+    # lexsort's last key counts most: votes, then training frequency, then the lower class.
+    rank = np.empty(classes, dtype=np.int64)
+    rank[np.lexsort((-np.arange(classes), class_counts))] = np.arange(classes)
+    best = (votes * classes + rank).argmax(axis=1) if classes else np.zeros(count, dtype=np.int64)
+    total = votes.sum(axis=1)
+    share = votes[np.arange(count), best] / np.maximum(total, 1)
+    return np.where(total > 0, best, UNLABELLED).astype(np.int64), np.where(total > 0, share, 0.0)
+
+
+def label_groups(
+    group: Int[np.ndarray, ' regions'],
+    pooled: Pooled,
+    region_labels: Int[np.ndarray, ' points'],
+    true_labels: Int[np.ndarray, ' points'],
+    class_counts: Int[np.ndarray, ' classes'],
+    gamma: float,
+) -> GroupLabels:
+    """Rule (a) majority of true labels, (b) confident mean prediction, (c) nothing (METHOD 1).
+
+    Args:
+        group: Group of each region.
+        pooled: Pooled softmax of each region.
+        region_labels: Region of each point.
+        true_labels: True class of each point, -1 where unknown.
+        class_counts: How often each class occurs among the revealed training labels; breaks ties.
+        gamma: Rule (b)'s limit.
+    """
+    count = int(group.max(initial=-1)) + 1
+    point_groups = point_values(group, region_labels, UNLABELLED)
+    voted, share = majority(true_labels, point_groups, count, class_counts)
+    weights = pooled.seen.astype(np.float64)
+    total = np.bincount(group, weights=weights, minlength=count)
+    filled = np.nan_to_num(pooled.values) * weights[:, None]
+    sums = [np.bincount(group, weights=column, minlength=count) for column in filled.T]
+    mean = np.stack(sums, axis=1) if sums else np.zeros((count, 0))
+    mean = np.where(total[:, None] > 0, mean / np.maximum(total, 1)[:, None], np.nan)
+    filled = np.nan_to_num(mean)
+    peak = filled.max(axis=1, initial=0.0)
+    predicted = filled.argmax(axis=1) if mean.shape[1] else np.zeros(count, dtype=np.int64)
+    confident = (total > 0) & (peak >= gamma)
+    known = voted >= 0
+    classes = np.where(known, voted, np.where(confident, predicted, UNLABELLED))
+    confidence = np.where(known, share, np.where(confident, np.minimum(peak, 1.0), 0.0))
+    return GroupLabels(classes.astype(np.int64), confidence, known, mean)
+
+
+def point_values(values: np.ndarray, labels: Int[np.ndarray, ' points'], missing: float) -> np.ndarray:
+    """The value of each point's region (or group); ``missing`` for points of none."""
+    return np.append(values, np.array([missing], dtype=values.dtype))[labels]
+
+
+def nearest_instances(
+    xyz: Float[np.ndarray, 'points 3'],
+    point_groups: Int[np.ndarray, ' points'],
+    point_classes: Int[np.ndarray, ' points'],
+    true_labels: Int[np.ndarray, ' points'],
+    true_instances: Int[np.ndarray, ' points'],
+) -> Int[np.ndarray, ' points']:
+    """Instance of the nearest labelled seed of the same group and class; -1 where there is none.
+
+    Args:
+        xyz: Points, metres.
+        point_groups: Group of each point, -1 = none.
+        point_classes: Class given to each point.
+        true_labels: True class of each point, -1 where unknown.
+        true_instances: True instance of each point, -1 where unknown.
+    """
+    out = np.full(len(xyz), -1, dtype=np.int64)
+    seeds = np.flatnonzero((true_instances >= 0) & (true_labels >= 0) & (point_groups >= 0))
+    for g in np.unique(point_groups[seeds]):
+        members = np.flatnonzero(point_groups == g)
+        own = seeds[point_groups[seeds] == g]
+        for c in np.unique(true_labels[own]):
+            sources = own[true_labels[own] == c]
+            targets = members[point_classes[members] == c]
+            if len(targets):
+                _, nearest = cKDTree(xyz[sources]).query(xyz[targets])
+                out[targets] = true_instances[sources[nearest]]
+    return out

@@ -1,0 +1,348 @@
+"""One scene in, labels out: merge its regions, and extend what is known of it (METHOD 1)."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.pseudo_labels.boxes import geometric_background
+from rm3d_plugin.pseudo_labels.objects import EarlierObjects, ObjectRules, Objects, find_objects
+from rm3d_plugin.pseudo_labels.propagate import (
+    GroupLabels,
+    label_groups,
+    nearest_instances,
+    point_values,
+    pool_rows,
+    seen_rows,
+)
+from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_by_boxes, known_points, known_regions
+from rm3d_plugin.regions import MergeResult, MergeStrategy, merge
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, RegionGraph, Regions
+
+BACKGROUND_CONFIDENCE = 0.9  # of what geometry alone calls background
+BOX_REGION_SHARE = 0.5  # share of a region that a revealed box must hold to name it
+
+
+@dataclass(frozen=True, eq=False)
+class RefreshResult:
+    """Labels of one scene after a round.
+
+    Attributes:
+        labels: What training may read.
+        merge: Groups and the ledger.
+        stats: Named numbers of this refresh: coverage in [0, 1], counts otherwise.
+    """
+
+    labels: PseudoLabels
+    merge: MergeResult
+    stats: dict[str, float]
+
+
+class _Draft(NamedTuple):
+    """Labels of points before truth is laid over them."""
+
+    semantic: Int[np.ndarray, ' points']
+    confidence: Float[np.ndarray, ' points']
+
+
+class _Grouped(NamedTuple):
+    """Result of merging, for groups and for points."""
+
+    merge: MergeResult
+    groups: GroupLabels
+    points: Int[np.ndarray, ' points']
+
+
+def refresh_detection(
+    prepared_cloud: PointCloud,
+    regions: Regions,
+    graph: RegionGraph,
+    weak: WeakLabels,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+    centers: Float[np.ndarray, 'points 3'] | None,
+    previous: PseudoLabels | None,
+    strategy: MergeStrategy,
+    round: int,
+    priors: Float[np.ndarray, 'classes 3'],
+    class_counts: Int[np.ndarray, ' classes'],
+    height_above_ground: Float[np.ndarray, ' points'] | None = None,
+    rules: ObjectRules | None = None,
+) -> RefreshResult:
+    """Point and box labels of one scene of a detection run.
+
+    Revealed boxes label their points exactly and spread nowhere. Elsewhere a group of regions takes the class that the
+    network gives it with confidence, and every group of an object class becomes a pseudo box, if it is plausible and
+    no true or better box is in its place. Regions that no object can be are background from the first round on.
+
+    Args:
+        prepared_cloud: Points of the scene, metres.
+        regions: Partition of the same points.
+        graph: Features and edges of the regions.
+        weak: What the budget reveals; instances are rows of its boxes.
+        probabilities: (N, C + 1) softmax, background last; NaN or zero rows where the network saw nothing; None in the
+            first round.
+        centers: (N, 3) voted object centres, metres, or None.
+        previous: Labels of the last round, or None.
+        strategy: Thresholds and schedule.
+        round: 0 .. strategy.rounds.
+        priors: (C, 3) usual sizes, metres; NaN for a class without a labelled box, which then gets no pseudo box.
+        class_counts: (C,) or (C + 1,) revealed labels of each class; breaks ties.
+        height_above_ground: Metres above the ground of each point, or None.
+        rules: When a group of points is an object, and when a region cannot be one.
+
+    Raises:
+        ValueError: A row count does not fit.
+    """
+    rules = rules or ObjectRules()
+    xyz, background = prepared_cloud.xyz, len(priors)
+    _check_rows(len(xyz), regions=regions.labels, weak=weak, height_above_ground=height_above_ground)
+    truth = known_by_boxes(xyz, weak, background)
+    grouped = _group(regions, graph, truth, probabilities, centers, strategy, round, _pad(class_counts, background + 1))
+    huge = _background_points(regions, graph, priors, height_above_ground, rules) & (truth.seeds < 0)
+    draft = _overlay(_draft(grouped), huge | truth.shell, background, BACKGROUND_CONFIDENCE)
+    supported = _supported(previous, grouped, strategy)
+    free = (truth.semantic < 0) & ~huge & ~truth.shell
+    objects = find_objects(
+        xyz,
+        np.where(free, grouped.points, -1),
+        grouped.groups,
+        weak.boxes,
+        priors,
+        None if height_above_ground is None else xyz[:, 2] - height_above_ground,
+        (0.0, 0.0) if prepared_cloud.sensor is None else (prepared_cloud.sensor[0], prepared_cloud.sensor[1]),
+        _earlier_objects(previous, supported),
+        rules,
+    )
+    draft = _overlay(draft, objects.rejected, UNLABELLED, 0.0)
+    draft = _keep_previous(draft, previous, supported)
+    draft = _fill_boxes(xyz, draft, objects)
+    draft = _overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
+    labels = _with_boxes(draft, truth, objects, weak)
+    return RefreshResult(labels, grouped.merge, _stats(labels, grouped) | objects.counts)
+
+
+def refresh_points(
+    prepared_cloud: PointCloud,
+    regions: Regions,
+    graph: RegionGraph,
+    weak: WeakLabels,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+    centers: Float[np.ndarray, 'points 3'] | None,
+    previous: PseudoLabels | None,
+    strategy: MergeStrategy,
+    round: int,
+    class_counts: Int[np.ndarray, ' classes'],
+    thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...] = (),
+) -> RefreshResult:
+    """Point labels of one scene of a segmentation run: classes and instances, no boxes.
+
+    A group that holds revealed points takes their majority class, and each of its points the instance of the nearest
+    of them; other groups take the class that the network gives them with confidence, and are one instance each.
+
+    Args:
+        prepared_cloud: Points of the scene, metres.
+        regions: Partition of the same points.
+        graph: Features and edges of the regions.
+        weak: What the budget reveals; instances are any numbers >= 0.
+        probabilities: (N, C) softmax; NaN or zero rows where the network saw nothing; None in the first round.
+        centers: (N, 3) shifted points (voted instance centres), metres, or None.
+        previous: Labels of the last round, or None.
+        strategy: Thresholds and schedule.
+        round: 0 .. strategy.rounds.
+        class_counts: (C,) revealed points of each class; its length is the number of classes.
+        thing_classes: Classes that have instances.
+
+    Raises:
+        ValueError: A row count does not fit.
+    """
+    xyz = prepared_cloud.xyz
+    _check_rows(len(xyz), regions=regions.labels, weak=weak)
+    truth = known_points(weak)
+    grouped = _group(regions, graph, truth, probabilities, centers, strategy, round, np.asarray(class_counts))
+    draft = _keep_previous(_draft(grouped), previous, _supported(previous, grouped, strategy))
+    draft = _overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
+    instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes)
+    labels = PseudoLabels(
+        semantic=draft.semantic,
+        instance=instance,
+        point_is_true=truth.semantic >= 0,
+        confidence=draft.confidence,
+        boxes=Boxes3D.empty(),
+        box_is_true=np.zeros(0, dtype=bool),
+        complete=weak.complete,
+    )
+    return RefreshResult(labels, grouped.merge, _stats(labels, grouped))
+
+
+def _check_rows(expected: int, **arrays: np.ndarray | WeakLabels | None) -> None:
+    for name, array in arrays.items():
+        if array is not None and len(array) != expected:
+            raise ValueError(f'refresh: {name} has {len(array)} rows, expected {expected} (one a point of the scene)')
+
+
+def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:
+    return np.append(counts, np.zeros(classes - len(counts), dtype=np.int64)).astype(np.int64)
+
+
+def _group(
+    regions: Regions,
+    graph: RegionGraph,
+    truth: Truth,
+    probabilities: np.ndarray | None,
+    centers: np.ndarray | None,
+    strategy: MergeStrategy,
+    round: int,
+    class_counts: np.ndarray,
+) -> _Grouped:
+    """Merge the regions and decide the class of every group."""
+    n, count = len(regions.labels), len(regions)
+    rows = np.full((n, len(class_counts)), np.nan) if probabilities is None else probabilities
+    if rows.shape != (n, len(class_counts)):
+        raise ValueError(f'refresh: probabilities have shape {rows.shape}, expected {(n, len(class_counts))}')
+    seen = seen_rows(rows)
+    pooled = pool_rows(rows, seen, regions.labels, count, strategy.pooling)
+    known = known_regions(regions, truth, BOX_REGION_SHARE)
+    pooled_centers = None
+    if centers is not None:
+        _check_rows(n, centers=centers)
+        pooled_centers = pool_rows(centers, seen & np.isfinite(centers).all(axis=1), regions.labels, count).values
+    result = merge(regions, graph, pooled.values, known.labels, strategy, round, pooled_centers, known.instances)
+    # What a box tells exactly shall not speak for the rest of its region.
+    bounded = (truth.semantic >= 0) & (truth.seeds < 0)
+    outside = pool_rows(rows, seen & ~bounded, regions.labels, count, strategy.pooling)
+    groups = label_groups(result.group, outside, regions.labels, truth.seeds, class_counts, strategy.gamma)
+    return _Grouped(result, groups, point_values(result.group, regions.labels, -1))
+
+
+def _draft(grouped: _Grouped) -> _Draft:
+    return _Draft(
+        point_values(grouped.groups.classes, grouped.points, UNLABELLED),
+        point_values(grouped.groups.confidence, grouped.points, 0.0).astype(np.float32),
+    )
+
+
+def _overlay(
+    draft: _Draft, where: Bool[np.ndarray, ' points'], semantic: np.ndarray | int, confidence: np.ndarray | float
+) -> _Draft:
+    return _Draft(
+        np.where(where, semantic, draft.semantic).astype(np.int64),
+        np.where(where, confidence, draft.confidence).astype(np.float32),
+    )
+
+
+def _background_points(
+    regions: Regions,
+    graph: RegionGraph,
+    priors: Float[np.ndarray, 'classes 3'],
+    height: Float[np.ndarray, ' points'] | None,
+    rules: ObjectRules,
+) -> Bool[np.ndarray, ' points']:
+    """Points of the regions that geometry alone calls background."""
+    tops = None
+    if height is not None:
+        tops = np.full(len(regions), -np.inf)
+        np.maximum.at(tops, regions.labels[regions.indices], height[regions.indices])
+    huge = geometric_background(graph.extents, tops, priors, rules.background_ratio)
+    return np.asarray(point_values(huge, regions.labels, False), dtype=bool)
+
+
+def _supported(
+    previous: PseudoLabels | None, grouped: _Grouped, strategy: MergeStrategy
+) -> Bool[np.ndarray, ' points'] | None:
+    """Points whose earlier pseudo label stays: all, or where demotion is on those that the network still supports."""
+    if previous is None:
+        return None
+    _check_rows(len(grouped.points), previous=previous.semantic)
+    labelled = (previous.semantic >= 0) & ~previous.point_is_true
+    if strategy.permanent:
+        return np.asarray(labelled)
+    groups, classes = grouped.groups, np.maximum(previous.semantic, 0)
+    table = np.vstack([groups.probabilities, np.full((1, groups.probabilities.shape[1]), np.nan)])
+    lost = table[grouped.points, classes] < strategy.gamma - strategy.demote_margin  # NaN: no evidence against it
+    by_truth = point_values(groups.from_truth, grouped.points, False)
+    agrees = point_values(groups.classes, grouped.points, UNLABELLED) == previous.semantic
+    return np.asarray(labelled & (~lost | (by_truth & agrees)))
+
+
+def _keep_previous(
+    draft: _Draft, previous: PseudoLabels | None, supported: Bool[np.ndarray, ' points'] | None
+) -> _Draft:
+    if previous is None or supported is None:
+        return draft
+    return _overlay(draft, supported, previous.semantic, previous.confidence)
+
+
+def _earlier_objects(
+    previous: PseudoLabels | None, supported: Bool[np.ndarray, ' points'] | None
+) -> EarlierObjects | None:
+    """Pseudo boxes of the last round of which some point still carries its label."""
+    if previous is None or supported is None:
+        return None
+    points = np.where(supported, previous.instance, -1)
+    alive = ~previous.box_is_true & np.isin(np.arange(len(previous.boxes)), points)
+    rows = np.append(np.where(alive, np.cumsum(alive) - 1, -1), -1)
+    return EarlierObjects(previous.boxes.select(alive), rows[points])
+
+
+def _fill_boxes(xyz: Float[np.ndarray, 'points 3'], draft: _Draft, objects: Objects) -> _Draft:
+    """Points in a pseudo box of which nothing else is known are its object's."""
+    assert objects.boxes.scores is not None
+    inside = points_in_boxes(xyz, objects.boxes.tensor)
+    fill = (inside >= 0) & (draft.semantic == UNLABELLED)
+    objects.point_box[fill] = inside[fill]
+    return _overlay(
+        draft, fill, np.append(objects.boxes.labels, -1)[inside], np.append(objects.boxes.scores, 0.0)[inside]
+    )
+
+
+def _with_boxes(draft: _Draft, truth: Truth, objects: Objects, weak: WeakLabels) -> PseudoLabels:
+    """Labels with true boxes first, and every point's row of them."""
+    found, revealed = objects.boxes, weak.boxes
+    assert found.scores is not None and revealed.scores is not None
+    own = (objects.point_box >= 0) & (np.append(found.labels, -1)[objects.point_box] == draft.semantic)
+    instance = np.where(own, len(revealed) + objects.point_box, -1)
+    instance = np.where(truth.semantic >= 0, truth.instance, instance)
+    boxes = Boxes3D(
+        np.concatenate([revealed.tensor, found.tensor]),
+        np.concatenate([revealed.labels, found.labels]),
+        np.concatenate([revealed.scores, found.scores]),
+    )
+    return PseudoLabels(
+        semantic=draft.semantic,
+        instance=instance.astype(np.int64),
+        point_is_true=truth.semantic >= 0,
+        confidence=draft.confidence,
+        boxes=boxes,
+        box_is_true=np.arange(len(boxes)) < len(revealed),
+        complete=weak.complete,
+    )
+
+
+def _point_instances(
+    xyz: Float[np.ndarray, 'points 3'],
+    semantic: Int[np.ndarray, ' points'],
+    grouped: _Grouped,
+    truth: Truth,
+    thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...],
+) -> Int[np.ndarray, ' points']:
+    """True instances spread to their group; a group without any is a new instance, numbered after the true ones."""
+    thing = np.isin(semantic, np.asarray(thing_classes, dtype=np.int64))
+    spread = nearest_instances(xyz, grouped.points, semantic, truth.semantic, truth.instance)
+    first = int(truth.instance.max(initial=-1)) + 1
+    fresh = thing & (spread < 0) & (grouped.points >= 0)
+    _, number = np.unique(np.stack([grouped.points, semantic], axis=1)[fresh], axis=0, return_inverse=True)
+    spread[fresh] = first + number.reshape(-1)
+    instance = np.where(thing, spread, -1)
+    return np.where(truth.semantic >= 0, truth.instance, instance).astype(np.int64)
+
+
+def _stats(labels: PseudoLabels, grouped: _Grouped) -> dict[str, float]:
+    return {
+        'coverage': labels.coverage,
+        'true_share': float(labels.point_is_true.mean()) if len(labels) else 0.0,
+        'regions': float(len(grouped.merge.group)),
+        'groups': float(len(grouped.groups.classes)),
+        'merges': float(grouped.merge.ledger.accepted.sum()),
+    }
