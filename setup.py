@@ -41,8 +41,6 @@ setup(
             'ruff>=0.9',
             'mypy>=1.14',
             'import-linter>=2.1',
-            'scipy-stubs',
-            'types-tqdm',
         ],
         'docs': ['mkdocs-material>=9.5'],
         'viz': ['plotly>=5'],

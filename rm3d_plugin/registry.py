@@ -18,7 +18,7 @@ TRANSFORMS = parent.Registry('transform', parent=parent.TRANSFORMS, scope=SCOPE,
 METRICS = parent.Registry('metric', parent=parent.METRICS, scope=SCOPE, locations=['rm3d_plugin.evaluation'])
 HOOKS = parent.Registry('hook', parent=parent.HOOKS, scope=SCOPE, locations=['rm3d_plugin.engine'])
 LOOPS = parent.Registry('loop', parent=parent.LOOPS, scope=SCOPE, locations=['rm3d_plugin.engine'])
-TASK_UTILS = parent.Registry('task util', parent=parent.TASK_UTILS, scope=SCOPE, locations=['rm3d_plugin.pseudo_labels'])
+TASK_UTILS = parent.Registry('task util', parent=parent.TASK_UTILS, scope=SCOPE, locations=['rm3d_plugin.engine'])
 
 DESCRIPTORS = parent.Registry('descriptor', scope=SCOPE, locations=['rm3d_plugin.descriptors'])
 OVERSEGMENTERS = parent.Registry('oversegmenter', scope=SCOPE, locations=['rm3d_plugin.oversegmentation'])

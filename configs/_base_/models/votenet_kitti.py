@@ -1,0 +1,27 @@
+# Sparse VoteNet for street scenes; sizes of the classes come from the revealed boxes at the start of a run.
+model = dict(
+    type='RM3DVoteNet',
+    num_classes=3,
+    backbone=dict(type='SparseUNet', in_channels=4, voxel_size='${voxel_size}', widths='${widths}'),
+    vote_head=dict(
+        type='VoteHead',
+        mean_sizes='${class_sizes}',
+        heading_bins=12,
+        num_seeds=1024,
+        num_proposals=256,
+        hidden='${hidden}',
+        radius=1.2,
+        near=[0.8, 0.4, 0.5],
+        far=[1.6, 0.9, 1.1],
+        unlabelled_weight='${unlabelled_weight}',
+    ),
+    point_loss=dict(type='PointCrossEntropyLoss', balance=0.5, unlabelled_weight='${unlabelled_weight}'),
+    aug_loss=dict(type='JSAugLoss'),
+    dice_loss=dict(type='DiceLoss'),
+    scene_class_head=dict(type='SceneClassHead'),
+)
+voxel_size = 0.1  # m
+widths = [32, 64, 96, 128]
+hidden = 128
+class_sizes = [[3.9, 1.6, 1.56], [0.8, 0.6, 1.73], [1.76, 0.6, 1.73]]  # m, where no box of the class is revealed
+unlabelled_weight = 0.1  # how far unknown points count as background; a few per cent of them are objects

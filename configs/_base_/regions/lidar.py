@@ -1,0 +1,35 @@
+# How points become regions and regions merge (METHOD 3, 5, 6), with lengths for a 64-beam street scan.
+descriptor = dict(type='AdaptedPFH', radius=0.5, max_neighbors=32)
+oversegmenter = dict(type='RegionGrowing')
+graph_neighbors = 8
+max_gap = 0.6  # m between adjacent regions
+strategy = dict(rounds='${rounds}', centre_distance=[1.2, 0.5, 0.7])
+
+custom_hooks = [
+    dict(type='EpochSeedHook'),
+    dict(
+        type='RegionMergeHook',
+        interval='${sigma}',
+        rounds='${label_rounds}',
+        dataloader='${label_dataloader}',
+        labeler=dict(
+            type='SceneLabeler',
+            store='${work_dir}/labels',
+            cache='${cache_dir}',
+            source=dict(
+                type='BoxBudgetSource',
+                dataset='${label_dataloader.dataset}',
+                budget='${budget}',
+                seed='${budget_seed}',
+            ),
+            descriptor='${descriptor}',
+            oversegmenter='${oversegmenter}',
+            strategy='${strategy}',
+            graph_neighbors='${graph_neighbors}',
+            max_gap='${max_gap}',
+        ),
+    ),
+    dict(type='SafeCheckpointHook'),
+    dict(type='RunRecordHook'),
+    dict(type='ReportHook'),
+]

@@ -1,0 +1,105 @@
+"""Regenerates the pseudo labels every sigma epochs."""
+
+from typing import Any
+
+import numpy as np
+import torch
+from mmengine.dist import barrier, get_rank, get_world_size, is_main_process
+from mmengine.hooks import Hook
+from mmengine.runner import Runner
+from tqdm import tqdm
+
+from rm3d_plugin.engine.labeler import PointPrediction, SceneLabeler
+from rm3d_plugin.registry import HOOKS, TASK_UTILS
+
+
+@HOOKS.register_module()
+class RegionMergeHook(Hook):
+    """Decides when: before training the first labels are made, then every ``interval`` epochs new ones (METHOD 1).
+
+    How they are made is the labeler's business. The hook works in any mmengine project whose model, in mode ``predict``,
+    returns data samples with ``pred_point_probs`` (n, classes) and optionally ``pred_point_centers`` (n, 3) and
+    ``point_index`` (n,).
+
+    Args:
+        interval: sigma, epochs between two refreshes.
+        rounds: Sets of labels in the whole run; the first is made without a network.
+        labeler: A :class:`~rm3d_plugin.engine.labeler.SceneLabeler` or its config.
+        dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
+    """
+
+    priority = 'HIGH'
+
+    def __init__(self, interval: int, labeler: dict[str, Any] | SceneLabeler, dataloader: Any, rounds: int = 8) -> None:
+        for name, value in (('interval', interval), ('rounds', rounds)):
+            if int(value) < 1:
+                raise ValueError(f'RegionMergeHook.{name}: expected at least 1, got {value}')
+        self.interval = interval
+        self.rounds = rounds
+        self.dataloader = dataloader
+        self.labeler: SceneLabeler = TASK_UTILS.build(labeler) if isinstance(labeler, dict) else labeler
+
+    def before_train(self, runner: Runner) -> None:
+        """Prepare the geometry, make the first labels, and tell the model the sizes of the revealed boxes."""
+        self.dataloader = runner.build_dataloader(self.dataloader, seed=runner.seed)
+        if is_main_process():
+            self.labeler.start(keep=runner.epoch > 0, log=runner.logger.info)
+        barrier()
+        self.labeler.inform(_unwrapped(runner.model))
+
+    def before_train_epoch(self, runner: Runner) -> None:
+        """Refresh the labels when a round begins; point the store at the round of this epoch."""
+        number = min(runner.epoch // self.interval, self.rounds - 1)
+        starts = runner.epoch % self.interval == 0
+        if number and starts and not self.labeler.is_finished(number):
+            self._refresh(runner, number)
+        barrier()
+        self.labeler.use(number)
+
+    def _refresh(self, runner: Runner, number: int) -> None:
+        if is_main_process():
+            self.labeler.begin(number)
+        barrier()
+        model = runner.model
+        model.eval()
+        _unwrapped(model).predict_points = True
+        bar = tqdm(total=len(self.dataloader), desc=f'labels, round {number}', disable=not is_main_process())
+        with torch.no_grad():
+            for turn, batch in enumerate(self.dataloader):
+                if turn % get_world_size() == get_rank():
+                    for sample in model.test_step(batch):
+                        self.labeler.refresh(number, sample.scene_id, point_prediction(sample))
+                bar.update()
+        bar.close()
+        _unwrapped(model).predict_points = False
+        barrier()
+        if is_main_process():
+            self.labeler.finish(number, log=runner.logger.info)
+
+
+def point_prediction(sample: Any) -> PointPrediction:
+    """Per-point output of one sample, scattered to all points of the scene (NaN where the network saw none).
+
+    Raises:
+        ValueError: The sample lacks ``pred_point_probs``.
+    """
+    if 'pred_point_probs' not in sample:
+        raise ValueError(
+            f'RegionMergeHook: the prediction of scene {sample.scene_id} has no `pred_point_probs`; '
+            'the model must give class probabilities of every point in mode "predict"'
+        )
+    probs = sample.pred_point_probs.float().cpu().numpy()
+    index = sample.point_index.cpu().numpy() if 'point_index' in sample else np.arange(len(probs))
+    total = int(sample.get('num_points', len(probs)))
+
+    def scatter(values: np.ndarray) -> np.ndarray:
+        out = np.full((total, values.shape[1]), np.nan, dtype=np.float32)
+        out[index] = values
+        return out
+
+    centers = sample.pred_point_centers.float().cpu().numpy() if 'pred_point_centers' in sample else None
+    return PointPrediction(scatter(probs), None if centers is None else scatter(centers))
+
+
+def _unwrapped(model: Any) -> Any:
+    return getattr(model, 'module', model)

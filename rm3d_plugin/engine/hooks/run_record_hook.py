@@ -1,0 +1,81 @@
+"""Keeps ``metrics.json`` of the work directory: losses of each epoch, scores of each validation, labels of each round."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from mmengine.dist import is_main_process
+from mmengine.hooks import Hook
+from mmengine.runner import Runner
+
+from rm3d_plugin.registry import HOOKS
+from rm3d_plugin.storage import write_json
+
+
+def read_record(work_dir: str | Path) -> dict[str, Any]:
+    """The run's ``metrics.json``, or an empty record."""
+    path = Path(work_dir) / 'metrics.json'
+    if not path.is_file():
+        return {'losses': {}, 'validation': {}, 'final': {}}
+    record: dict[str, Any] = json.loads(path.read_text(encoding='utf-8'))
+    return record
+
+
+@HOOKS.register_module()
+class RunRecordHook(Hook):
+    """Write losses and scores as they come; nothing that depends on the clock, so equal runs leave equal files.
+
+    A resumed run forgets what the record says of epochs it will train again, and makes up for a validation that the
+    interrupted run did not reach.
+    """
+
+    priority = 'LOW'
+
+    def __init__(self) -> None:
+        self.record: dict[str, Any] = {}
+        self._sums: dict[str, float] = {}
+        self._steps = 0
+
+    def before_train(self, runner: Runner) -> None:
+        """Take up the record of an interrupted run, or begin a new one."""
+        self.record = read_record(runner.work_dir) if runner.epoch else {'losses': {}, 'validation': {}, 'final': {}}
+        for part in ('losses', 'validation'):
+            self.record[part] = {k: v for k, v in self.record[part].items() if int(k) <= runner.epoch}
+        self.record.update(
+            config=runner.cfg.get('config_name'), seed=runner.seed, synthetic=bool(runner.cfg.get('is_demo', False))
+        )
+        loop = runner.train_loop
+        due = runner.epoch and (runner.epoch % loop.val_interval == 0 or runner.epoch == loop.max_epochs)
+        if runner.val_loop is not None and due and str(runner.epoch) not in self.record['validation']:
+            runner.val_loop.run()
+
+    def after_train_iter(
+        self, runner: Runner, batch_idx: int, data_batch: Any = None, outputs: dict[str, Any] | None = None
+    ) -> None:
+        """Add up the losses."""
+        for name, value in (outputs or {}).items():
+            self._sums[name] = self._sums.get(name, 0.0) + float(value)
+        self._steps += 1
+
+    def after_train_epoch(self, runner: Runner) -> None:
+        """Write the mean losses of the epoch."""
+        means = {name: value / max(self._steps, 1) for name, value in self._sums.items()}
+        self.record['losses'][str(runner.epoch + 1)] = means
+        self._sums, self._steps = {}, 0
+        self._write(runner)
+
+    def after_val_epoch(self, runner: Runner, metrics: dict[str, Any] | None = None) -> None:
+        """Write the scores."""
+        self.record['validation'][str(runner.epoch)] = dict(metrics or {})
+        self._write(runner)
+
+    def after_train(self, runner: Runner) -> None:
+        """Write the scores of the last validation as the final ones."""
+        scores = self.record['validation']
+        if scores:
+            self.record['final'] = scores[max(scores, key=int)]
+        self._write(runner)
+
+    def _write(self, runner: Runner) -> None:
+        if is_main_process():
+            write_json(Path(runner.work_dir) / 'metrics.json', self.record)

@@ -1,0 +1,63 @@
+"""Checkpoints that load with ``weights_only=True`` and are never half written."""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from mmengine.fileio import LocalBackend, register_backend
+from mmengine.hooks import Hook
+from mmengine.runner import Runner
+
+from rm3d_plugin.registry import HOOKS
+
+ATOMIC_BACKEND = 'rm3d_atomic'
+
+
+@register_backend(ATOMIC_BACKEND, force=True)
+class AtomicLocalBackend(LocalBackend):
+    """Local files, written beside their place and moved there when complete.
+
+    Use it with ``CheckpointHook(backend_args=dict(backend='rm3d_atomic'))``: a process killed in the middle of a write
+    leaves the previous checkpoint as it was.
+    """
+
+    def put(self, obj: bytes, filepath: str | Path) -> None:
+        """Write bytes atomically."""
+        target = Path(filepath)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f'.{target.name}.', suffix='.part')
+        try:
+            with os.fdopen(handle, 'wb') as stream:
+                stream.write(obj)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(name, target)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+
+def latest_checkpoint(work_dir: str | Path) -> Path | None:
+    """The complete ``epoch_*.pth`` of the highest epoch, or None.
+
+    mmengine's ``last_checkpoint`` file is not read: a crash can leave it empty, a complete checkpoint cannot be.
+    """
+    found = [path for path in Path(work_dir).glob('epoch_*.pth') if path.stem.split('_')[1].isdigit()]
+    return max(found, key=lambda path: int(path.stem.split('_')[1]), default=None)
+
+
+@HOOKS.register_module()
+class SafeCheckpointHook(Hook):
+    """Drop what torch refuses to load safely: the message hub's smoothing buffers (they only steady the console log)."""
+
+    def before_save_checkpoint(self, runner: Runner, checkpoint: dict[str, Any]) -> None:
+        """Empty the message hub's part of the checkpoint; add the config as plain data, so that loading runs no code."""
+        checkpoint['meta']['config_json'] = json.dumps(runner.cfg.to_dict())
+        checkpoint['message_hub'] = {'log_scalars': {}, 'runtime_info': {}, 'resumed_keys': {}}
+
+    def before_run(self, runner: Runner) -> None:
+        """Remove parts of checkpoints that a killed run left."""
+        for part in Path(runner.work_dir).glob('.*.pth.*.part'):
+            part.unlink(missing_ok=True)

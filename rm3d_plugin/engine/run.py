@@ -1,0 +1,133 @@
+"""From a resolved config to a runner; what every command of ``tools/`` shares."""
+
+import argparse
+import json
+import os
+import shutil
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from mmengine.config import Config, DictAction
+from mmengine.registry import init_default_scope
+from mmengine.runner import Runner
+
+from rm3d_plugin.datasets.base import DatasetNotFoundError
+from rm3d_plugin.datasets.synthetic import make_streets
+from rm3d_plugin.engine.config import ConfigError, load_config, unknown_options
+from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
+from rm3d_plugin.registry import SCOPE
+from rm3d_plugin.storage import DamagedFileError
+from rm3d_plugin.structures import SceneError
+
+DEMO_NOTE = 'Demo data: the scenes are synthetic (virtual lidar in generated streets); scores say nothing of real scans.'
+
+
+def add_config_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments by which every command finds its config."""
+    parser.add_argument('config', help='config file, for example configs/rm3d_votenet_kitti_1pct.py')
+    parser.add_argument('--demo', action='store_true', help='run on synthetic demo data, made on first use')
+    parser.add_argument('--work-dir', help='folder for everything the run leaves; default work_dirs/CONFIG')
+    parser.add_argument(
+        '--cfg-options',
+        nargs='+',
+        action=DictAction,
+        default={},
+        metavar='KEY=VALUE',
+        help='change config keys: data_root=/my/kitti descriptor.type=FPFH budget=3pct seed=1',
+    )
+
+
+def config_of(args: argparse.Namespace) -> Config:
+    """Read the config that the arguments name.
+
+    Raises:
+        ConfigError: No such config, a bad reference, or an option for a key that the config does not have.
+    """
+    config = load_config(args.config, args.work_dir, args.demo, args.cfg_options)
+    unknown = unknown_options(config, args.cfg_options)
+    if unknown:
+        raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in {args.config}; keys: {sorted(config)}')
+    set_threads(int(config.threads))
+    init_default_scope(SCOPE)
+    if args.demo:
+        print(DEMO_NOTE)
+        make_streets(config.data_root, **config.demo_data)
+    return config
+
+
+def set_threads(count: int) -> None:
+    """Threads of torch and numba; 0 = one for each core this process may use.
+
+    More threads than free cores make small sparse convolutions slower, so the number is set on purpose.
+    """
+    import numba
+    import torch
+
+    count = count or len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else count or os.cpu_count() or 1
+    torch.set_num_threads(count)
+    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+
+
+def train(config: Config, resume: bool = False, amp: bool = False, launcher: str = 'none') -> Path:
+    """Train by a resolved config; returns the work directory.
+
+    Raises:
+        SceneError, ConfigError: Data or config cannot be used.
+    """
+    if launcher != 'none':
+        config.launcher = launcher
+    if amp:
+        use_amp(config)
+    work_dir = Path(config.work_dir)
+    checkpoint = latest_checkpoint(work_dir) if resume else None
+    if checkpoint is None:
+        clear_run(work_dir)
+    else:
+        config.resume, config.load_from = True, str(checkpoint)
+    runner = Runner.from_cfg(config)
+    runner.train()
+    return work_dir
+
+
+def clear_run(work_dir: Path) -> None:
+    """Remove what an earlier run left of labels and checkpoints, so that none of it is mistaken for this run's."""
+    shutil.rmtree(work_dir / 'labels', ignore_errors=True)
+    for stale in [*work_dir.glob('epoch_*.pth'), work_dir / 'metrics.json', work_dir / 'report.html']:
+        stale.unlink(missing_ok=True)
+
+
+def use_amp(config: Config) -> None:
+    """Switch to mixed precision.
+
+    Raises:
+        ConfigError: There is no CUDA device; mmengine's mixed precision needs one.
+    """
+    import torch
+
+    if not torch.cuda.is_available():
+        raise ConfigError('--amp: mixed precision needs a CUDA device, and none was found; leave --amp out')
+    config.optim_wrapper.type = 'AmpOptimWrapper'
+    config.optim_wrapper.loss_scale = 'dynamic'
+
+
+def evaluate(config: Config, checkpoint: str | Path) -> dict[str, Any]:
+    """Score a checkpoint on the validation scenes; writes ``test_metrics.json``."""
+    config.load_from = str(checkpoint)
+    config.custom_hooks = []
+    runner = Runner.from_cfg(config)
+    metrics: dict[str, Any] = runner.test()
+    path = Path(config.work_dir) / 'test_metrics.json'
+    path.write_text(json.dumps(metrics, indent=2) + '\n', encoding='utf-8')
+    return metrics
+
+
+def exit_code(command: Callable[[Sequence[str] | None], None], arguments: Sequence[str] | None = None) -> int:
+    """Run a command; what the user can mend is told in one message with exit code 2, anything else is a crash."""
+    try:
+        command(arguments)
+    except (SceneError, ConfigError, DamagedFileError, DatasetNotFoundError) as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 2
+    return 0

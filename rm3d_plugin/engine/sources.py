@@ -1,0 +1,107 @@
+"""Where weak labels come from: the scenes of a data set, and what the budget reveals of them."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from rm3d_plugin.datasets.base import Truth
+from rm3d_plugin.label_budgets import BoxAmount, BoxBudget, count_points, draw_box_budget, hide, load_box_budget, save_box_budget
+from rm3d_plugin.pseudo_labels import WeakLabels
+from rm3d_plugin.registry import DATASETS, TASK_UTILS
+from rm3d_plugin.structures import PointCloud
+
+
+class LabelSource(ABC):
+    """Scenes with the labels that training may see. Implement it to label the scenes of another project.
+
+    Attributes:
+        classes: Names of the classes, background left out.
+        scene_ids: One name a scene.
+    """
+
+    classes: Sequence[str]
+    scene_ids: Sequence[str]
+
+    @abstractmethod
+    def load_cloud(self, index: int) -> PointCloud:
+        """Points of scene ``index``."""
+
+    @abstractmethod
+    def weak_labels(self, index: int) -> WeakLabels:
+        """Revealed labels of scene ``index``."""
+
+    def truth(self, index: int) -> Truth | None:
+        """All labels, for the report on pseudo labels only; None where nobody knows them."""
+        return None
+
+    def describe(self) -> str:
+        """What is revealed, in one or a few lines."""
+        return f'{len(self.scene_ids)} scenes'
+
+    def open(self, folder: Path, resume: bool) -> None:
+        """Draw what is revealed and keep it in ``folder``, or with ``resume`` take up what is kept there."""
+
+
+@TASK_UTILS.register_module()
+class BoxBudgetSource(LabelSource):
+    """A few boxes of a detection data set, drawn by seed (METHOD 8).
+
+    Args:
+        dataset: The training split or its config; its truth is read here to reveal the drawn boxes, and for reports.
+        budget: '1pct' (two boxes per ten scenes), '0p5pct', '3pct', 'full', or the fields of a ``BoxAmount``.
+        seed: Seed of the draw.
+        min_points: Boxes with fewer lidar points are never drawn.
+    """
+
+    def __init__(
+        self, dataset: Any, budget: str | Mapping[str, Any] = '1pct', seed: int = 0, min_points: int = 5
+    ) -> None:
+        self.dataset = DATASETS.build(dataset) if isinstance(dataset, Mapping) else dataset
+        self.classes = tuple(self.dataset.metainfo['classes'])
+        self.scene_ids = list(self.dataset.scene_ids)
+        self._amount = budget if isinstance(budget, str) else BoxAmount(**budget)
+        self._seed, self._min_points = seed, min_points
+        self._budget: BoxBudget | None = None
+
+    @property
+    def budget(self) -> BoxBudget:
+        """The drawn boxes; drawn at first use."""
+        if self._budget is None:
+            labels, points = {}, {}
+            for index, scene in enumerate(tqdm(self.scene_ids, desc='drawing the label budget', leave=False)):
+                boxes = self.dataset.load_truth(index).boxes
+                labels[scene] = boxes.labels
+                points[scene] = count_points(self.dataset.load_cloud(index).xyz, boxes.tensor)
+            self._budget = draw_box_budget(labels, self._amount, self._seed, points, self._min_points)
+        return self._budget
+
+    def load_cloud(self, index: int) -> PointCloud:
+        """Points of scene ``index``."""
+        cloud: PointCloud = self.dataset.load_cloud(index)
+        return cloud
+
+    def weak_labels(self, index: int) -> WeakLabels:
+        """The revealed boxes of a scene and the labels of the points in them."""
+        truth = self.dataset.load_truth(index)
+        rows = self.budget.rows(self.scene_ids[index], len(truth.boxes))
+        seen = hide(self.load_cloud(index).xyz, truth, rows, self.budget.complete)
+        return WeakLabels(seen.semantic, seen.instance, seen.boxes, complete=seen.complete)
+
+    def truth(self, index: int) -> Truth | None:
+        """All boxes of a scene, for reports."""
+        truth: Truth = self.dataset.load_truth(index)
+        return truth
+
+    def describe(self) -> str:
+        """The budget's summary."""
+        return self.budget.summary(self.classes)
+
+    def open(self, folder: Path, resume: bool) -> None:
+        """Write ``budget.json``, or read it."""
+        if resume:
+            self._budget = load_box_budget(folder / 'budget.json')
+        else:
+            save_box_budget(folder / 'budget.json', self.budget)

@@ -1,0 +1,25 @@
+"""Train RM3D or a compared method by a config."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from rm3d_plugin.engine.run import add_config_arguments, config_of, exit_code, train
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Read the arguments and train."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_config_arguments(parser)
+    parser.add_argument('--resume', action='store_true', help='go on from the newest complete checkpoint of the work dir')
+    parser.add_argument('--amp', action='store_true', help='mixed precision (CUDA)')
+    parser.add_argument('--launcher', choices=['none', 'pytorch', 'slurm', 'mpi'], default='none')
+    parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
+    args = parser.parse_args(arguments)
+    os.environ.setdefault('LOCAL_RANK', str(args.local_rank))
+    train(config_of(args), resume=args.resume, amp=args.amp, launcher=args.launcher)
+
+
+if __name__ == '__main__':
+    sys.exit(exit_code(main))
