@@ -30,7 +30,7 @@ class BatchLabels(NamedTuple):
     instance: Int[Tensor, ' points']
 
 
-def _field(sample: SceneSample, name: str, rows: int, fill: float, like: Tensor) -> Tensor:
+def _field(sample: SceneSample, name: str, rows: int, fill: int, like: Tensor) -> Tensor:
     """A field of a sample as a tensor; ``fill`` in every row where it is absent."""
     if name not in sample:
         return torch.full((rows,), fill, device=like.device).to(like.dtype)

@@ -40,7 +40,8 @@ def objectness_loss(
 
 def _huber(a: Tensor, b: Tensor) -> Tensor:
     """Smooth L1 summed over x, y, z; a far miss pulls no harder than a near one."""
-    return F.huber_loss(*torch.broadcast_tensors(a, b), reduction='none').sum(dim=-1)
+    a, b = torch.broadcast_tensors(a, b)
+    return F.huber_loss(a, b, reduction='none').sum(dim=-1)
 
 
 def center_loss(

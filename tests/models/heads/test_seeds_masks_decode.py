@@ -1,0 +1,56 @@
+import math
+
+import torch
+
+from rm3d_plugin.models.heads.box_coder import BoxPrediction
+from rm3d_plugin.models.heads.decode import class_scores, decode_scene
+from rm3d_plugin.models.heads.instance_masks import class_radii, soft_mask
+from rm3d_plugin.models.heads.seeds import choose_seeds
+
+
+def test_seeds_prefer_foreground_then_spread():
+    xyz = torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [5, 0, 0], [50, 0, 0], [60, 0, 0]])
+    foreground = torch.tensor([0.9, 0.8, 0.7, 0.1, 0.05])
+    rows, offsets = choose_seeds(xyz, foreground, torch.tensor([0, 5]), 2, 0.2)
+    assert rows.tolist() == [0, 2]  # of the three likely points, the two furthest apart
+    assert offsets.tolist() == [0, 2]
+    rows, _ = choose_seeds(xyz, foreground, torch.tensor([0, 5]), 4, 0.2)
+    assert sorted(rows.tolist()) == [0, 1, 2, 3]  # too few likely ones: the next likeliest
+    rows, offsets = choose_seeds(xyz, foreground, torch.tensor([0, 0, 5]), 9, 0.2)
+    assert (len(rows), offsets.tolist()) == (5, [0, 0, 5])
+
+
+def test_class_radius_and_soft_mask_by_hand():
+    assert class_radii(torch.tensor([[3.0, 4.0, 1.0]])).tolist() == [2.5]
+    votes = torch.tensor([[0.0, 0, 0], [1.0, 0, 0]])
+    got = soft_mask(torch.tensor([0.5, 1.0]), votes, torch.zeros(1, 3), 2.0)  # s = 1
+    assert torch.allclose(got, torch.tensor([[0.5, math.exp(-0.5)]]))
+
+
+def prediction(centers, objectness, kinds):
+    n = len(centers)
+    scores = torch.full((n, 2), -20.0)
+    scores[torch.arange(n), torch.tensor(kinds)] = 20.0
+    pair = torch.stack([torch.zeros(n), torch.tensor(objectness)], dim=1)
+    return BoxPrediction(
+        pair, torch.tensor(centers), torch.zeros(n, 1), torch.zeros(n, 1), scores, torch.zeros(n, 2, 3), scores
+    )
+
+
+def test_decode_keeps_the_best_of_each_class():
+    means = torch.tensor([[4.0, 2, 1], [4.0, 2, 1]])
+    got = decode_scene(
+        prediction([[0.0, 0, 0], [0.3, 0, 0], [0.0, 0, 0], [9.0, 0, 0]], [1.0, 3.0, 2.0, -9.0], [0, 0, 1, 0]), means
+    )
+    assert got.labels.tolist() == [0, 1]
+    assert torch.allclose(got.boxes, torch.tensor([[0.3, 0, 0, 4, 2, 1, 0], [0.0, 0, 0, 4, 2, 1, 0]]))
+    assert torch.allclose(got.scores, torch.sigmoid(torch.tensor([3.0, 2.0])), atol=1e-5)
+    none = decode_scene(prediction([[0.0, 0, 0]], [-9.0], [0]), means)
+    assert none.boxes.shape == (0, 7) and none.scores.shape == (0,)
+
+
+def test_scores_may_ask_the_points():
+    given = prediction([[0.0, 0, 0]], [0.0], [0])
+    assert torch.allclose(class_scores(given), torch.tensor([[0.5, 0.0]]), atol=1e-6)
+    asked = class_scores(given, torch.tensor([[0.25, 0.75]]))
+    assert torch.allclose(asked, torch.tensor([[0.25, 0.0]]), atol=1e-6)
