@@ -6,12 +6,12 @@ told apart from a good one.
 """
 
 import hashlib
+import io
 import json
 import math
 import os
 import secrets
 import zipfile
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -138,12 +138,11 @@ def read_npz(path: str | Path) -> dict[str, np.ndarray]:
         FileNotFoundError: There is no such file.
         DamagedFileError: It is cut off, altered, of another program, or of another format version.
     """
+    data = Path(path).read_bytes()
     try:
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
             arrays = {entry.filename.removesuffix('.npy'): _entry(archive, entry) for entry in archive.infolist()}
-    except FileNotFoundError:
-        raise
-    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, NotImplementedError) as error:
+    except Exception as error:  # damage shows as anything from zlib.error to MemoryError
         raise DamagedFileError(f'{path}: cut off or altered ({error}); delete it and make it again') from error
     version, digest = arrays.pop(_VERSION, None), arrays.pop(_HASH, None)
     if version is None or digest is None:

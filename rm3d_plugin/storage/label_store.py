@@ -47,44 +47,44 @@ class LabelStore:
     def __init__(self, root: str | Path) -> None:
         self.root = Path(root)
 
-    def folder(self, round_index: int) -> Path:
+    def folder(self, round: int) -> Path:
         """The folder of a round."""
-        if round_index < 0:
-            raise ValueError(f'LabelStore: rounds count from 0, got {round_index}')
-        return self.root / f'round_{round_index:03d}'
+        if round < 0:
+            raise ValueError(f'LabelStore: rounds count from 0, got {round}')
+        return self.root / f'round_{round:03d}'
 
-    def scene_path(self, round_index: int, scene_id: str) -> Path:
+    def scene_path(self, round: int, scene_id: str) -> Path:
         """The file of a scene's labels; any text may be a scene name."""
-        return self.folder(round_index) / f'{quote(scene_id, safe="")}.npz'
+        return self.folder(round) / f'{quote(scene_id, safe="")}.npz'
 
-    def ledger_path(self, round_index: int, scene_id: str) -> Path:
+    def ledger_path(self, round: int, scene_id: str) -> Path:
         """The file of a scene's merge ledger."""
-        return self.folder(round_index) / 'ledger' / f'{quote(scene_id, safe="")}.npz'
+        return self.folder(round) / 'ledger' / f'{quote(scene_id, safe="")}.npz'
 
     # ------------------------------------------------------------------ writing a round
 
-    def begin_round(self, round_index: int, overwrite: bool = False) -> None:
+    def begin_round(self, round: int, overwrite: bool = False) -> None:
         """Make room for a round: what a broken-off run left of it is removed.
 
         Raises:
             LabelStoreError: The round is complete and ``overwrite`` is False.
         """
-        if self.is_complete(round_index):
+        if self.is_complete(round):
             if not overwrite:
                 raise LabelStoreError(
-                    f'{self.folder(round_index)}: round {round_index} is complete; '
+                    f'{self.folder(round)}: round {round} is complete; '
                     'use it (set_current) or pass overwrite=True to make it again'
                 )
-            if self.current_round() == round_index:
+            if self.current_round() == round:
                 self._current_file.unlink()
-            self._complete_file(round_index).unlink()
-        if self.folder(round_index).exists():
-            shutil.rmtree(self.folder(round_index))
-        self.folder(round_index).mkdir(parents=True)
+            self._complete_file(round).unlink()
+        if self.folder(round).exists():
+            shutil.rmtree(self.folder(round))
+        self.folder(round).mkdir(parents=True)
 
     def write(
         self,
-        round_index: int,
+        round: int,
         scene_id: str,
         labels: PseudoLabels,
         ledger: Mapping[str, np.ndarray] | None = None,
@@ -94,18 +94,18 @@ class LabelStore:
         Raises:
             LabelStoreError: The round was not begun, or is complete already.
         """
-        if self.is_complete(round_index) or not self.folder(round_index).is_dir():
-            state = 'is complete' if self.is_complete(round_index) else 'was not begun'
-            raise LabelStoreError(f'{self.folder(round_index)}: round {round_index} {state}; call begin_round first')
+        if self.is_complete(round) or not self.folder(round).is_dir():
+            state = 'is complete' if self.is_complete(round) else 'was not begun'
+            raise LabelStoreError(f'{self.folder(round)}: round {round} {state}; call begin_round first')
         if ledger is not None:
-            write_npz(self.ledger_path(round_index, scene_id), ledger)
-        write_npz(self.scene_path(round_index, scene_id), _to_arrays(labels))
+            write_npz(self.ledger_path(round, scene_id), ledger)
+        write_npz(self.scene_path(round, scene_id), _to_arrays(labels))
 
-    def finish_round(self, round_index: int, summary: Mapping[str, Any] | None = None) -> None:
+    def finish_round(self, round: int, summary: Mapping[str, Any] | None = None) -> None:
         """Check every file of a round and declare it complete.
 
         Args:
-            round_index: The round.
+            round: The round.
             summary: Plain numbers and text to keep with it (coverage, precision, ...).
 
         Raises:
@@ -113,23 +113,23 @@ class LabelStore:
             DamagedFileError: A file is not whole.
         """
         scenes = {}
-        for path in sorted(self.folder(round_index).glob('*.npz')):
+        for path in sorted(self.folder(round).glob('*.npz')):
             arrays = read_npz(path)
             entry = SceneEntry(len(arrays['semantic']), int(arrays['box_is_true'].sum()))
             scenes[unquote(path.stem)] = entry._asdict()
         if not scenes:
-            raise LabelStoreError(f'{self.folder(round_index)}: round {round_index} holds no scene; write them first')
-        content = {'round': round_index, 'scenes': scenes, 'summary': dict(summary or {})}
-        write_json(self._complete_file(round_index), content)
+            raise LabelStoreError(f'{self.folder(round)}: round {round} holds no scene; write them first')
+        content = {'round': round, 'scenes': scenes, 'summary': dict(summary or {})}
+        write_json(self._complete_file(round), content)
 
-    def set_current(self, round_index: int) -> None:
+    def set_current(self, round: int) -> None:
         """From now on every process reads this round.
 
         Raises:
             LabelStoreError: The round is not complete.
         """
-        self._need_complete(round_index)
-        write_json(self._current_file, {'round': round_index})
+        self._need_complete(round)
+        write_json(self._current_file, {'round': round})
 
     # ------------------------------------------------------------------ reading
 
@@ -143,27 +143,27 @@ class LabelStore:
             raise DamagedFileError(f'{self._current_file}: expected {{"round": number}}, got {content!r}')
         return int(content['round'])
 
-    def is_complete(self, round_index: int) -> bool:
+    def is_complete(self, round: int) -> bool:
         """True where a round was written to its end."""
-        return self._complete_file(round_index).is_file()
+        return self._complete_file(round).is_file()
 
     def rounds(self) -> tuple[int, ...]:
         """The complete rounds, ascending."""
         names = (folder.parent.name.removeprefix('round_') for folder in self.root.glob('round_*/complete.json'))
         return tuple(sorted(int(name) for name in names if name.isdigit()))
 
-    def read(self, scene_id: str, round_index: int | None = None) -> PseudoLabels:
+    def read(self, scene_id: str, round: int | None = None) -> PseudoLabels:
         """Labels of one scene.
 
         Args:
             scene_id: The scene.
-            round_index: None: the current round.
+            round: None: the current round. A round that is still being written may be named.
 
         Raises:
-            LabelStoreError: There is no current round, the round is not complete, or it lacks the scene.
+            LabelStoreError: There is no current round, or the round lacks the scene.
             DamagedFileError: The file is not whole.
         """
-        chosen = self._choose(round_index)
+        chosen = self._choose(round)
         path = self.scene_path(chosen, scene_id)
         try:
             arrays = read_npz(path)
@@ -173,32 +173,31 @@ class LabelStore:
                 f'scene {scene_id}, round {chosen}: no labels at {path}; the round holds {len(self.scenes(chosen))} '
                 'other scenes. Train on those, or delete the store and label all scenes again'
             ) from None
-        self._need_complete(chosen)
         try:
             return _from_arrays(arrays)
         except (KeyError, ValueError) as error:
             raise DamagedFileError(f'scene {scene_id}, round {chosen}: {path} holds no labels ({error})') from error
 
-    def read_ledger(self, scene_id: str, round_index: int | None = None) -> dict[str, np.ndarray]:
+    def read_ledger(self, scene_id: str, round: int | None = None) -> dict[str, np.ndarray]:
         """Ledger arrays of one scene.
 
         Raises:
             LabelStoreError: None was written.
         """
-        chosen = self._choose(round_index)
+        chosen = self._choose(round)
         path = self.ledger_path(chosen, scene_id)
         if not path.is_file():
             raise LabelStoreError(f'scene {scene_id}, round {chosen}: no ledger at {path}; none was written')
         return read_npz(path)
 
-    def scenes(self, round_index: int | None = None) -> dict[str, SceneEntry]:
+    def scenes(self, round: int | None = None) -> dict[str, SceneEntry]:
         """Scenes of a complete round, sorted by name."""
-        content = self._read_complete(self._choose(round_index))
+        content = self._read_complete(self._choose(round))
         return {name: SceneEntry(**entry) for name, entry in sorted(content['scenes'].items())}
 
-    def summary(self, round_index: int | None = None) -> dict[str, Any]:
+    def summary(self, round: int | None = None) -> dict[str, Any]:
         """What :meth:`finish_round` was given."""
-        return dict(self._read_complete(self._choose(round_index))['summary'])
+        return dict(self._read_complete(self._choose(round))['summary'])
 
     # ------------------------------------------------------------------ helpers
 
@@ -206,16 +205,16 @@ class LabelStore:
     def _current_file(self) -> Path:
         return self.root / 'current.json'
 
-    def _complete_file(self, round_index: int) -> Path:
-        return self.folder(round_index) / 'complete.json'
+    def _complete_file(self, round: int) -> Path:
+        return self.folder(round) / 'complete.json'
 
-    def _read_complete(self, round_index: int) -> dict[str, Any]:
-        self._need_complete(round_index)
-        content: dict[str, Any] = read_json(self._complete_file(round_index))
+    def _read_complete(self, round: int) -> dict[str, Any]:
+        self._need_complete(round)
+        content: dict[str, Any] = read_json(self._complete_file(round))
         return content
 
-    def _choose(self, round_index: int | None) -> int:
-        chosen = self.current_round() if round_index is None else round_index
+    def _choose(self, round: int | None) -> int:
+        chosen = self.current_round() if round is None else round
         if chosen is None:
             raise LabelStoreError(
                 f'{self.root}: the label store has no current round ({self._current_file.name} is missing); '
@@ -223,11 +222,11 @@ class LabelStore:
             )
         return chosen
 
-    def _need_complete(self, round_index: int) -> None:
-        if not self.is_complete(round_index):
+    def _need_complete(self, round: int) -> None:
+        if not self.is_complete(round):
             raise LabelStoreError(
-                f'{self._complete_file(round_index)}: missing, so round {round_index} is absent or half-written '
-                f'(complete rounds: {list(self.rounds())}); begin_round({round_index}) and write it again'
+                f'{self._complete_file(round)}: missing, so round {round} is absent or half-written '
+                f'(complete rounds: {list(self.rounds())}); begin_round({round}) and write it again'
             )
 
 
