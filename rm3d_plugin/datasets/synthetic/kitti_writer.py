@@ -4,7 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from rm3d_plugin.datasets.kitti_format import (
     transform,
     write_calib,
 )
-from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar, cast, count_hits, make_beams, scan
+from rm3d_plugin.datasets.synthetic.lidar import Hits, SpinningLidar, cast, count_hits, make_beams, scan
 from rm3d_plugin.datasets.synthetic.road_users import RoadUser
 from rm3d_plugin.datasets.synthetic.shapes import cos_sin, join
 from rm3d_plugin.datasets.synthetic.streets import Placed, Street, make_street
@@ -79,9 +79,10 @@ def make_frame(seed: int, number: int, lidar: SpinningLidar) -> Frame:
 
     street = make_street(rng, snap)
     everything = join([placed.mesh for placed in street.placed] + street.background)
-    returned = scan(everything, lidar, rng)
+    hits = cast(everything.corners, make_beams(lidar), lidar.max_range)
+    returned = scan(everything, hits, lidar, rng)
     points = np.concatenate([returned.xyz, returned.intensity[:, None]], axis=1).astype(np.float32)
-    objects = _label(street, everything.corners, lidar, points, calib)
+    objects = _label(street, hits, lidar, points, calib)
     return Frame(points, objects, calib)
 
 
@@ -214,11 +215,11 @@ def _wrapped(angle: float) -> float:
 
 
 def _label(
-    street: Street, corners: Float[np.ndarray, 'faces 3 3'], lidar: SpinningLidar, points: np.ndarray, calib: KittiCalib
+    street: Street, hits: Hits, lidar: SpinningLidar, points: Float[np.ndarray, 'points 4'], calib: KittiCalib
 ) -> list[KittiObject]:
     """KITTI's labels: what the image shows and the lidar meets."""
     beams = make_beams(lidar)
-    visible = cast(corners, beams, lidar.max_range).triangle
+    visible = hits.triangle
     ends = np.cumsum([len(placed.mesh) for placed in street.placed])
     rect = transform(points[:, :3].astype(np.float64), calib.rect_from_lidar)
     objects = []
@@ -230,7 +231,7 @@ def _label(
             continue
         if item.type != 'DontCare':
             alone = max(count_hits(placed.mesh.corners, beams, lidar.max_range), 1)
-            item = KittiObject(**(vars(item) | {'occluded': _occlusion(seen / alone)}))
+            item = replace(item, occluded=_occlusion(seen / alone))
         objects.append(item)
     return [o for o in objects if o.type != 'DontCare'] + [_dont_care(o) for o in objects if o.type == 'DontCare']
 

@@ -111,11 +111,16 @@ def count_hits(corners: Float[np.ndarray, 'faces 3 3'], beams: Beams, max_range:
     return int((triangle >= 0).sum())
 
 
-def scan(mesh: Mesh, lidar: SpinningLidar, rng: np.random.Generator) -> Scan:
-    """One turn: cast, then lose returns (glass, grazing, dark and far, by chance), add noise, round as KITTI rounds."""
-    beams = make_beams(lidar)
-    hits = cast(mesh.corners, beams, lidar.max_range)
-    rays = directions(beams)
+def scan(mesh: Mesh, hits: Hits, lidar: SpinningLidar, rng: np.random.Generator) -> Scan:
+    """What returns of one turn: some is lost (glass, grazing, dark and far, by chance), the rest is noisy and rounded.
+
+    Args:
+        mesh: The scene in the sensor frame.
+        hits: What the beams meet in it.
+        lidar: The sensor.
+        rng: Source of randomness.
+    """
+    rays = directions(make_beams(lidar))
     noise, chance, flicker = rng.standard_normal(len(rays)), rng.random((2, len(rays))), rng.standard_normal(len(rays))
     hit = np.flatnonzero(hits.triangle >= 0)
     face, ray, distance = hits.triangle[hit], rays[hit], hits.distance[hit]

@@ -111,25 +111,25 @@ def _glaze(body: Mesh, stations: int, cabin: Float[np.ndarray, ' stations']) -> 
 def pedestrian(rng: np.random.Generator) -> RoadUser:
     """Someone who stands or walks, arms and legs apart; some carry a bag."""
     height = vary(rng, 1.72, 0.07) if rng.random() < 0.88 else vary(rng, 1.25, 0.12)
-    step = pick(rng, 0.18, 0.42) if rng.random() < 0.65 else pick(rng, 0.0, 0.06)
+    step = pick(rng, 0.2, 0.42) if rng.random() < 0.65 else pick(rng, 0.0, 0.08)
     coat, trousers = pick(rng, 0.08, 0.75), pick(rng, 0.05, 0.6)
-    broad = vary(rng, 1.0, 0.08)
+    broad = vary(rng, 1.12, 0.08)
     hip, shoulder = 0.5 * height, 0.8 * height
     parts = [_head(0.02, 0.93 * height), _torso((0.0, hip), (0.02, shoulder), broad, coat)]
     for side in (-1.0, 1.0):
         reach = side * step
         knee = (0.5 * reach + 0.03, side * 0.09 * broad, 0.28 * height)
         foot = (reach, side * 0.1 * broad, 0.05)
-        parts += [tube((0, side * 0.09 * broad, hip), knee, (0.085, 0.065), trousers)]
+        parts += [tube((0, side * 0.09 * broad, hip), knee, (0.105, 0.08), trousers)]
         parts += [
-            tube(knee, foot, (0.06, 0.045), trousers),
+            tube(knee, foot, (0.075, 0.06), trousers),
             box((foot[0] + 0.06, foot[1], 0.04), (0.26, 0.09, 0.08), 0.1),
         ]
         spread = side * pick(rng, 0.24, 0.34) * broad
         elbow = (-0.45 * reach, spread, 0.63 * height)
         hand = (-0.8 * reach + pick(rng, 0.0, 0.16), spread, 0.49 * height)
-        parts += [tube((0.0, side * 0.19 * broad, shoulder - 0.03), elbow, (0.055, 0.05), coat)]
-        parts += [tube(elbow, hand, (0.045, 0.04), coat)]
+        parts += [tube((0.0, side * 0.19 * broad, shoulder - 0.03), elbow, (0.075, 0.065), coat)]
+        parts += [tube(elbow, hand, (0.06, 0.05), coat)]
     if rng.random() < 0.3:
         parts.append(box((-0.2, 0.0, 0.68 * height), (0.16, 0.3, 0.42), pick(rng, 0.05, 0.5)))
     if rng.random() < 0.15:
@@ -144,11 +144,11 @@ def sitting_person(rng: np.random.Generator) -> RoadUser:
     for side in (-0.11, 0.11):
         knee = (0.32, side, 0.52)
         parts += [
-            tube((-0.12, side, 0.52), knee, (0.085, 0.07), trousers),
-            tube(knee, (0.36, side, 0.03), (0.06, 0.05), trousers),
+            tube((-0.12, side, 0.52), knee, (0.105, 0.08), trousers),
+            tube(knee, (0.36, side, 0.03), (0.075, 0.06), trousers),
         ]
-        parts += [tube((-0.1, side * 2, 0.98), (0.0, side * 2.3, 0.7), (0.055, 0.05), coat)]
-        parts += [tube((0.0, side * 2.3, 0.7), (0.25, side, 0.62), (0.045, 0.04), coat)]
+        parts += [tube((-0.1, side * 2, 0.98), (0.0, side * 2.3, 0.7), (0.075, 0.065), coat)]
+        parts += [tube((0.0, side * 2.3, 0.7), (0.25, side, 0.62), (0.06, 0.05), coat)]
     return fitted('Person_sitting', join(parts))
 
 
@@ -167,15 +167,15 @@ def cyclist(rng: np.random.Generator) -> RoadUser:
         c, s = (float(v) for v in cos_sin(turn + (np.pi if side > 0 else 0.0)))
         foot = (-0.05 + 0.17 * c, side * 0.13, 0.29 + 0.17 * s)
         knee = (0.22 + 0.08 * c, side * 0.14, 0.66 + 0.1 * s)
-        parts += [tube((saddle[0], side * 0.1, saddle[1]), knee, (0.09, 0.065), trousers)]
+        parts += [tube((saddle[0], side * 0.1, saddle[1]), knee, (0.105, 0.08), trousers)]
         parts += [
-            tube(knee, foot, (0.06, 0.045), trousers),
+            tube(knee, foot, (0.075, 0.06), trousers),
             box((foot[0] + 0.05, foot[1], foot[2] - 0.04), (0.25, 0.09, 0.08), 0.1),
         ]
         hand = (0.42, side * 0.25, 1.03)
         elbow = (0.5 * (hand[0] + shoulder[0]) - 0.06, side * 0.27, 0.5 * (hand[2] + shoulder[1]) - 0.08)
-        parts += [tube((shoulder[0], side * 0.18, shoulder[1] - 0.04), elbow, (0.055, 0.05), coat)]
-        parts += [tube(elbow, hand, (0.045, 0.04), coat)]
+        parts += [tube((shoulder[0], side * 0.18, shoulder[1] - 0.04), elbow, (0.075, 0.065), coat)]
+        parts += [tube(elbow, hand, (0.06, 0.05), coat)]
     body = join(parts)
     return fitted('Cyclist', body.moved((0.0, 0.0, 0.0), scale=(size, 1.0, size)))
 
@@ -212,12 +212,12 @@ def fitted(kind: str, body: Mesh, margin: float = 0.02) -> RoadUser:
         float(np.ceil(v * 100) / 100) for v in high - low + np.array([2 * margin, 2 * margin, margin])
     )
     middle = 0.5 * (low + high)
-    size = (round(max(length, 0.5), 2), round(max(width, 0.5), 2), round(height, 2))
+    size = (round(max(length, 0.6), 2), round(max(width, 0.5), 2), round(height, 2))
     return RoadUser(kind, size, body.moved((-float(middle[0]), -float(middle[1]), -float(low[2]))))
 
 
 def _head(x: float, z: float) -> Mesh:
-    return ellipsoid((x, 0.0, z), (0.1, 0.085, 0.125), _SKIN)
+    return ellipsoid((x, 0.0, z), (0.115, 0.1, 0.135), _SKIN)
 
 
 def _torso(low: tuple[float, float], high: tuple[float, float], broad: float, coat: float) -> Mesh:

@@ -13,7 +13,7 @@ _GLASS = (0.1, 0.8)  # reflectance, drop-out
 def tree(rng: np.random.Generator) -> Mesh:
     """A trunk and a crown of a few leafy clumps, 4 to 9 m high."""
     height, trunk = pick(rng, 4.0, 9.0), pick(rng, 0.1, 0.24)
-    base = pick(rng, 1.7, 2.8)
+    base = pick(rng, 1.2, 2.6)
     parts = [
         tube((0, 0, -0.3), (pick(rng, -0.3, 0.3), pick(rng, -0.3, 0.3), base + 0.8), (trunk, trunk * 0.75), _BARK, 8)
     ]

@@ -12,12 +12,11 @@ from jaxtyping import Float
 
 from rm3d_plugin.datasets.synthetic import road_users, street_furniture
 from rm3d_plugin.datasets.synthetic.road_users import RoadUser, pick
-from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin, grid_quads, join, quads
+from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin, grid_quads, quads
 
 SENSOR_HEIGHT = 1.73  # m above the road; KITTI's Velodyne
 KERB = 0.13  # m
 BEHIND, AHEAD = -30.0, 80.0  # m along the road
-IN_VIEW = 0.82  # |y| / x of the camera's sides, a little inside
 
 Snap = Callable[[RoadUser, float, float, float, float], tuple[Float[np.ndarray, '3'], float]]
 
@@ -152,7 +151,7 @@ def make_street(rng: np.random.Generator, snap: Snap) -> Street:
     _walk_people(street, rng, snap)
     _furnish(street, rng, snap)
     _build(street, rng)
-    street.background.append(_ground(street.road))
+    street.background.append(_ground(street.road, rng))
     return street
 
 
@@ -179,8 +178,8 @@ def _park_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     """Rows along the kerbs with gaps of 0.7 to 2 m, slots empty by chance, now and then a car askew."""
     road = street.road
     for parked, kerb, inward in ((road.parked_left, road.left, -1.0), (road.parked_right, road.right, 1.0)):
-        filled = pick(rng, 0.1, 0.55)
-        x = pick(rng, 2.0, 9.0)
+        filled = pick(rng, 0.1, 0.5)
+        x = pick(rng, 0.5, 8.0)
         while parked and x < 62:
             user = _any_car(rng)
             askew = pick(rng, -0.3, 0.3) if rng.random() < 0.15 else pick(rng, -0.04, 0.04)
@@ -194,8 +193,8 @@ def _park_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
 def _drive_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     """Traffic ahead and oncoming, some crossing."""
     oncoming = street.road.left - (2.2 if street.road.parked_left else 0.0) - 1.7
-    for _ in range(int(rng.random() * 3.4)):
-        x = pick(rng, 6.0, 68.0)
+    for _ in range(int(rng.random() * 3.2)):
+        x = pick(rng, 5.0, 74.0)
         chance = rng.random()
         if chance < 0.5:
             street.add_user(_any_car(rng), x, oncoming + pick(rng, -0.4, 0.4), np.pi + pick(rng, -0.05, 0.05), snap)
@@ -211,7 +210,7 @@ def _ride_bicycles(street: Street, rng: np.random.Generator, snap: Snap) -> None
     road = street.road
     left = road.left - (2.2 if road.parked_left else 0.0) - 0.7
     right = road.right + (2.2 if road.parked_right else 0.0) + 0.5
-    for _ in range(1 + int(rng.random() * 3)):
+    for _ in range(1 + int(rng.random() * 3.3)):
         x, chance = _ahead(rng), rng.random()
         place = (
             left if chance < 0.35 else right if chance < 0.65 else road.left + 1.0 if chance < 0.8 else road.right - 1.0
@@ -225,7 +224,7 @@ def _ride_bicycles(street: Street, rng: np.random.Generator, snap: Snap) -> None
 def _walk_people(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     """On the pavements, some side by side, some crossing the road."""
     road = street.road
-    for _ in range(1 + int(rng.random() * 3)):
+    for _ in range(1 + int(rng.random() * 3.8)):
         x = _ahead(rng)
         side = road.left if rng.random() < 0.5 else road.right
         offset = side + float(np.sign(side)) * pick(rng, 0.5, road.pavement - 0.3)
@@ -240,7 +239,7 @@ def _walk_people(street: Street, rng: np.random.Generator, snap: Snap) -> None:
 
 def _ahead(rng: np.random.Generator) -> float:
     """A distance ahead, near ones a little more often."""
-    return 6.0 + 46.0 * float(rng.random()) * (0.55 + 0.45 * float(rng.random()))
+    return 4.0 + 52.0 * float(rng.random()) * (0.55 + 0.45 * float(rng.random()))
 
 
 def _furnish(street: Street, rng: np.random.Generator, snap: Snap) -> None:
@@ -254,12 +253,12 @@ def _furnish(street: Street, rng: np.random.Generator, snap: Snap) -> None:
             if trees and rng.random() < 0.6:
                 street.add_thing(street_furniture.tree(rng), x, side + out * 0.8, pick(rng, 0, 6.2), 0.5)
             x += pick(rng, 6.0, 14.0)
-        for _ in range(7 + int(rng.random() * 9)):
+        for _ in range(12 + int(rng.random() * 14)):
             near = pick(rng, 0.3, 0.9) if rng.random() < 0.5 else pick(rng, 0.9, road.pavement + 0.8)
             turn = pick(rng, -0.3, 0.3) + (np.pi if rng.random() < 0.8 else np.pi / 2)
-            place = pick(rng, -15.0, 65.0)
+            place = pick(rng, -12.0, 62.0)
             street.add_thing(street_furniture.small_thing(rng), place, side + out * near, turn, 0.55)
-        for _ in range(int(rng.random() * 3)):
+        for _ in range(int(rng.random() * 4)):
             beyond = side + out * (road.pavement + pick(rng, 0.8, 4.0))
             street.add_thing(street_furniture.big_thing(rng), pick(rng, 5.0, 55.0), beyond, pick(rng, -0.4, 0.4), 1.9)
         if rng.random() < 0.25:
@@ -304,25 +303,26 @@ def _build(street: Street, rng: np.random.Generator) -> None:
             x += length + (pick(rng, 0.0, 0.4) if rng.random() < 0.7 else pick(rng, 2.0, 7.0))
 
 
-def _ground(road: Road) -> Mesh:
-    """Road, kerbs, pavements and land, in strips along the road."""
+def _ground(road: Road, rng: np.random.Generator) -> Mesh:
+    """Road, kerbs, pavements and land: a grid along the road, a centimetre rough, the land more."""
     x = np.arange(BEHIND - 20, AHEAD + 4, 2.0)
     lane = np.linspace(road.right, road.left, 5)
-    walk_left = np.array([road.left + 1e-6, road.left + road.pavement])
-    walk_right = np.array([road.right - road.pavement, road.right - 1e-6])
-    land = np.array([6.0, 14.0, 28.0, 50.0])
-    strips = [
-        (0.27, lane),
-        (0.33, walk_left),
-        (0.33, walk_right),
-        (0.35, lane[-1:].repeat(2) + np.array([0.0, 1e-6])),
-        (0.35, lane[:1].repeat(2) - np.array([1e-6, 0.0])),
-        (0.3, np.concatenate([walk_left[-1:], road.left + road.pavement + land])),
-        (0.3, np.concatenate([(road.right - road.pavement - land)[::-1], walk_right[:1]])),
-    ]
-    meshes = []
-    for reflectance, offset in strips:
-        grid_x, grid_offset = np.broadcast_arrays(x[:, None], offset[None])
-        grid = np.stack([grid_x, grid_offset + road.bend * grid_x * grid_x, road.height(grid_x, grid_offset)], axis=-1)
-        meshes.append(quads(grid_quads(grid), reflectance))
-    return join(meshes)
+    outer_left, outer_right = road.left + road.pavement, road.right - road.pavement
+    land = np.array([1.5, 3.5, 6.0, 9.0, 14.0, 20.0, 28.0, 50.0])
+    offset = np.concatenate(
+        [
+            outer_right - land[::-1],
+            [outer_right, road.right - 1e-6],
+            lane,
+            [road.left + 1e-6, outer_left],
+            outer_left + land,
+        ]
+    )
+    edges = len(land)
+    reflectance = np.repeat([0.3, 0.33, 0.35, 0.27, 0.35, 0.33, 0.3], [edges, 1, 1, len(lane) - 1, 1, 1, edges])
+    rough = np.repeat([0.06, 0.01, 0.06], [edges, len(lane) + 4, edges])
+    grid_x, grid_offset = np.broadcast_arrays(x[:, None], offset[None])
+    z = road.height(grid_x, grid_offset) + rough * (2 * rng.random(grid_x.shape) - 1)
+    grid = np.stack([grid_x, grid_offset + road.bend * grid_x * grid_x, z], axis=-1)
+    surface = quads(grid_quads(grid), 0.3)
+    return Mesh(surface.corners, np.tile(reflectance, 2 * (len(x) - 1)), surface.dropout)
