@@ -1,0 +1,25 @@
+"""Metrics as plain functions: numpy in, named results out."""
+
+from rm3d_plugin.evaluation.functional.kitti_ap import (
+    DIFFICULTIES,
+    LOOSE_IOU,
+    METRICS,
+    OFFICIAL_IOU,
+    ApEntry,
+    KittiAp,
+    KittiDetections,
+    KittiTruth,
+    kitti_ap,
+)
+
+__all__ = [
+    'DIFFICULTIES',
+    'LOOSE_IOU',
+    'METRICS',
+    'OFFICIAL_IOU',
+    'ApEntry',
+    'KittiAp',
+    'KittiDetections',
+    'KittiTruth',
+    'kitti_ap',
+]

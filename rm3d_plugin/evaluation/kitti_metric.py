@@ -1,0 +1,176 @@
+"""KITTI's average precision as an mmengine metric."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mmengine.evaluator import BaseMetric
+from mmengine.logging import print_log
+
+from rm3d_plugin.datasets.kitti_format import (
+    DONT_CARE,
+    IMAGE_SIZE,
+    KittiCalib,
+    KittiObject,
+    boxes_to_objects,
+    objects_to_boxes,
+    write_objects,
+)
+from rm3d_plugin.evaluation.functional.kitti_ap import (
+    LOOSE_IOU,
+    METRICS,
+    OFFICIAL_IOU,
+    KittiDetections,
+    KittiTruth,
+    Metric,
+    Sampling,
+    kitti_ap,
+)
+from rm3d_plugin.evaluation.functional.kitti_table import flat_metrics, format_table
+from rm3d_plugin.registry import METRICS as METRIC_REGISTRY
+from rm3d_plugin.structures import Boxes3D, SceneError
+
+
+@dataclass(frozen=True, eq=False)
+class FrameResult:
+    """Both sides of one frame; no tuple, as mmengine rebuilds tuples when it gathers results."""
+
+    scene_id: str
+    truth: KittiTruth
+    found: KittiDetections
+
+
+def truth_from_objects(objects: Sequence[KittiObject], calib: KittiCalib) -> KittiTruth:
+    """Label lines as the evaluation wants them; 3D boxes in the lidar frame, zeros for DontCare."""
+    boxes = np.zeros((len(objects), 7))
+    solid = [i for i, o in enumerate(objects) if o.type != DONT_CARE and min(o.h, o.w, o.l) > 0]
+    kept = [objects[i] for i in solid]
+    boxes[solid] = objects_to_boxes(kept, calib, sorted({o.type for o in kept})).tensor
+    return KittiTruth(
+        types=[o.type for o in objects],
+        truncation=np.array([o.truncated for o in objects], dtype=np.float64),
+        occlusion=np.array([o.occluded for o in objects], dtype=np.int64),
+        bbox2d=np.array([o.bbox for o in objects], dtype=np.float64).reshape(-1, 4),
+        boxes3d=boxes,
+        alpha=np.array([o.alpha for o in objects], dtype=np.float64),
+    )
+
+
+def found_from_objects(objects: Sequence[KittiObject], boxes: Boxes3D) -> KittiDetections:
+    """Result lines and the lidar boxes that they were made from, row by row."""
+    assert boxes.scores is not None
+    return KittiDetections(
+        types=[o.type for o in objects],
+        bbox2d=np.array([o.bbox for o in objects], dtype=np.float64).reshape(-1, 4),
+        boxes3d=boxes.tensor,
+        scores=boxes.scores,
+        alpha=np.array([o.alpha for o in objects], dtype=np.float64),
+    )
+
+
+@METRIC_REGISTRY.register_module()
+class KittiMetric(BaseMetric):
+    """Average precision of KITTI's classes, metrics and difficulties, in percent; see :func:`kitti_ap`.
+
+    Reads of each sample ``pred_bboxes_3d``, ``pred_labels_3d``, ``pred_scores_3d`` (lidar frame) and metainfo
+    ``scene_id`` and ``annotation`` (objects, calib, image_size), which the data set hands on with ``labels='truth'``.
+    A box of the prediction that lies outside the image is no detection, as nobody could have labelled it.
+
+    Args:
+        classes: Names of the predicted class numbers; None: those of the data set.
+        iou_thresholds: Overlap above which a detection hits, for each class.
+        loose_iou_thresholds: A second, more forgiving set, whose means end in ``_loose``; None: only the first.
+        metrics: Any of 'bbox', 'aos', 'bev', '3d'.
+        sampling: How the curve is sampled, see :func:`kitti_ap`.
+        export_dir: Folder for one KITTI result file a frame, for the official program; None: none is written.
+        collect_device: See mmengine.
+        prefix: Put before every name, with a slash.
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[str] | None = None,
+        iou_thresholds: Mapping[str, float] = OFFICIAL_IOU,
+        loose_iou_thresholds: Mapping[str, float] | None = LOOSE_IOU,
+        metrics: Sequence[Metric] = METRICS,
+        sampling: Sampling = 'auto',
+        export_dir: str | Path | None = None,
+        collect_device: str = 'cpu',
+        prefix: str | None = None,
+    ) -> None:
+        super().__init__(collect_device=collect_device, prefix=prefix)
+        self.classes = classes
+        self.iou_sets = {'': dict(iou_thresholds)}
+        if loose_iou_thresholds is not None:
+            self.iou_sets['_loose'] = dict(loose_iou_thresholds)
+        self.metrics = tuple(metrics)
+        self.sampling: Sampling = sampling
+        self.export_dir = None if export_dir is None else Path(export_dir)
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """Names of the predicted class numbers.
+
+        Raises:
+            ValueError: Neither the metric nor the data set names them.
+        """
+        names = self.classes or (self.dataset_meta or {}).get('classes')
+        if not names:
+            raise ValueError('KittiMetric: no classes; pass classes=(...) or use a data set whose metainfo names them')
+        return tuple(names)
+
+    def process(self, data_batch: Any, data_samples: Sequence[Any]) -> None:
+        """Keep both sides of every frame of a batch."""
+        for sample in data_samples:
+            fields = sample if isinstance(sample, Mapping) else sample.to_dict()
+            self.results.append(self._frame(fields))
+
+    def compute_metrics(self, results: list[FrameResult]) -> dict[str, float]:
+        """The flat numbers over all frames; the table goes to the log."""
+        truths, found = [r.truth for r in results], [r.found for r in results]
+        named: dict[str, float] = {}
+        for suffix, thresholds in self.iou_sets.items():
+            table = kitti_ap(truths, found, self.class_names, thresholds, self.metrics, self.sampling)
+            named |= flat_metrics(table, suffix)
+        print_log('KITTI average precision (%)\n' + format_table(named), logger='current')
+        return named
+
+    def _frame(self, fields: Mapping[str, Any]) -> FrameResult:
+        scene_id = str(fields.get('scene_id', ''))
+        objects, calib, image_size = _annotation(fields, scene_id)
+        try:
+            boxes = Boxes3D(*(_numpy(fields[f'pred_{name}_3d']) for name in ('bboxes', 'labels', 'scores')))
+        except KeyError as error:
+            raise SceneError(
+                f'scene {scene_id}: the sample has no {error}; the model must write it in predict'
+            ) from None
+        except ValueError as error:
+            raise SceneError(f'scene {scene_id}: predicted boxes cannot be used: {error}') from error
+        lines = boxes_to_objects(boxes, calib, self.class_names, image_size)
+        seen = [i for i, o in enumerate(lines) if o.bbox[2] > o.bbox[0] and o.bbox[3] > o.bbox[1]]
+        lines, boxes = [lines[i] for i in seen], boxes.select(np.array(seen, dtype=np.int64))
+        if self.export_dir is not None:
+            self.export_dir.mkdir(parents=True, exist_ok=True)
+            write_objects(self.export_dir / f'{scene_id}.txt', lines)
+        return FrameResult(scene_id, truth_from_objects(objects, calib), found_from_objects(lines, boxes))
+
+
+def _annotation(fields: Mapping[str, Any], scene_id: str) -> tuple[Sequence[KittiObject], KittiCalib, tuple[int, int]]:
+    whole = fields.get('annotation')
+    if whole is not None:
+        return whole.objects, whole.calib, whole.image_size
+    objects, calib = fields.get('kitti_objects'), fields.get('calib')
+    if objects is None or calib is None:
+        raise SceneError(
+            f"scene {scene_id}: the sample carries no KITTI annotation; give the evaluated data set labels='truth' "
+            "and keep metainfo 'annotation' in its pipeline"
+        )
+    items = [o if isinstance(o, KittiObject) else KittiObject(**o) for o in objects]
+    return items, calib, tuple(fields.get('image_size', IMAGE_SIZE))
+
+
+def _numpy(values: Any) -> np.ndarray:
+    array: np.ndarray = values.detach().cpu().numpy() if hasattr(values, 'detach') else np.asarray(values)
+    return array
