@@ -132,31 +132,32 @@ def geometric_background(
     return np.asarray(~fits)
 
 
-def suppress(boxes: Boxes3D, true: Boxes3D, max_iou: float = 0.1) -> Int[np.ndarray, ' boxes']:
+def suppress(
+    boxes: Boxes3D, priority: Float[np.ndarray, ' boxes'], true: Boxes3D, max_iou: float = 0.1
+) -> Int[np.ndarray, ' boxes']:
     """Which box each box gives way to: a true box that it overlaps, else a better kept one.
 
     Args:
-        boxes: Pseudo boxes with scores; equal scores: the lower index wins.
+        boxes: Pseudo boxes.
+        priority: Larger is better; equal: the lower index wins.
         true: True boxes, which always win.
         max_iou: Overlap from above that two objects may have.
 
     Returns:
         (M,) int64: its own index if the box is kept, -1 if a true box takes its place, else the index of the winner.
     """
-    assert boxes.scores is not None
     winner = np.arange(len(boxes), dtype=np.int64)
     if len(boxes) == 0:
         return winner
     if len(true):
-        inside = points_in_boxes(
-            boxes.tensor[:, :3], np.c_[true.tensor[:, :5], np.full(len(true), 1e3), true.tensor[:, 6]]
-        )
-        winner[(rotated_iou_bev(boxes.tensor, true.tensor).max(axis=1) > max_iou) | (inside >= 0)] = -1
+        tall = np.array(true.tensor)
+        tall[:, 5] = 1e3  # m; a centre above or below counts as inside
+        inside = points_in_boxes(boxes.tensor[:, :3], tall) >= 0
+        winner[inside | (rotated_iou_bev(boxes.tensor, true.tensor).max(axis=1) > max_iou)] = -1
     overlap = rotated_iou_bev(boxes.tensor, boxes.tensor) > max_iou
-    order = np.argsort(-boxes.scores, kind='stable')
+    order = np.argsort(-priority, kind='stable')
     for rank, i in enumerate(order):
         if winner[i] == i:
             worse = order[rank + 1 :]
-            worse = worse[overlap[i, worse] & (winner[worse] == worse)]
-            winner[worse] = i
+            winner[worse[overlap[i, worse] & (winner[worse] == worse)]] = i
     return winner

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.ops.rotated_iou import rotated_iou_bev
 from rm3d_plugin.pseudo_labels.boxes import BoxFit, complete_box, is_plausible, suppress
 from rm3d_plugin.pseudo_labels.propagate import GroupLabels
 from rm3d_plugin.structures import Boxes3D
@@ -52,7 +53,8 @@ class Objects(NamedTuple):
         boxes: Kept boxes; the score is the confidence of the group.
         point_box: (N,) int64 row of the box that each point belongs to, -1 = none.
         rejected: (N,) bool, points of groups that are larger than their class allows.
-        counts: 'pseudo_boxes', 'rejected_groups' (too large), 'small_groups' (too few points), 'suppressed_boxes'.
+        counts: 'pseudo_boxes', 'rejected_groups' (too large), 'joined_fragments', 'small_groups' (too few points),
+            'suppressed_boxes'.
     """
 
     boxes: Boxes3D
@@ -62,10 +64,23 @@ class Objects(NamedTuple):
 
 
 class _Candidate(NamedTuple):
-    group: int
+    """Points taken for one object, from one group or from several fragments."""
+
+    groups: tuple[int, ...]
+    members: np.ndarray
     label: int
     score: float
     fit: BoxFit
+
+
+class _Context(NamedTuple):
+    """What every fit needs."""
+
+    xyz: np.ndarray
+    priors: np.ndarray
+    ground_z: np.ndarray | None
+    sensor: tuple[float, float]
+    rules: ObjectRules
 
 
 def find_objects(
@@ -81,6 +96,10 @@ def find_objects(
 ) -> Objects:
     """A box for every group of an object class that is plausible and has its place to itself.
 
+    Fragments of one object, boxes of one class that overlap and whose points together are still no larger than the
+    class allows, become one box. Then more points win over fewer, and new boxes over those of the last round, which
+    only fill gaps.
+
     Args:
         xyz: Points, metres.
         point_groups: Group of each point that may belong to a pseudo box, -1 for the others.
@@ -89,58 +108,97 @@ def find_objects(
         priors: Usual sizes, metres; NaN: the class gets no box. Classes beyond are background.
         ground_z: Height of the ground under each point, metres, or None.
         sensor: Position of the sensor from above, metres.
-        earlier: Boxes of the last round, which compete by their scores; at equal scores the new one wins.
+        earlier: Boxes of the last round.
         rules: Thresholds.
     """
+    context = _Context(xyz, priors, ground_z, sensor, rules)
     usable = np.append(np.isfinite(priors).all(axis=1), [False])
     wanted = usable[np.where((groups.classes >= 0) & (groups.classes < len(priors)), groups.classes, len(priors))]
     order = np.argsort(point_groups, kind='stable')
     starts = np.searchsorted(point_groups[order], np.arange(len(groups.classes) + 1))
-    fits, too_large, too_small = [], [], 0
-    for group in np.flatnonzero(wanted):
+    found: list[_Candidate] = []
+    too_large: list[int] = []
+    for group in np.flatnonzero(wanted).tolist():
         members = order[starts[group] : starts[group + 1]]
-        if len(members) < rules.min_points:
-            too_small += len(members) > 0
-            continue
-        label = int(groups.classes[group])
-        ground = None if ground_z is None else float(np.median(ground_z[members]))
-        fit = complete_box(xyz[members], priors[label], ground, sensor)
-        if is_plausible(fit, priors[label], rules.max_excess):
-            fits.append(_Candidate(int(group), label, float(groups.confidence[group]), fit))
-        else:
-            too_large.append(group)
+        if len(members):
+            label, score = int(groups.classes[group]), float(groups.confidence[group])
+            candidate = _Candidate((group,), members, label, score, _fit(context, members, label))
+            if is_plausible(candidate.fit, priors[label], rules.max_excess):
+                found.append(candidate)
+            else:
+                too_large.append(group)
+    joined = _join_fragments(context, found)
+    large_enough = [c for c in joined if len(c.members) >= rules.min_points]
     rejected = np.isin(point_groups, np.array(too_large, dtype=np.int64))
-    boxes, point_box, lost = _compete(point_groups, fits, true_boxes, earlier, rules)
+    boxes, point_box, lost = _compete(len(xyz), large_enough, true_boxes, earlier, rules)
     counts = {
         'pseudo_boxes': float(len(boxes)),
         'rejected_groups': float(len(too_large)),
-        'small_groups': float(too_small),
+        'joined_fragments': float(len(found) - len(joined)),
+        'small_groups': float(len(joined) - len(large_enough)),
         'suppressed_boxes': float(lost),
     }
     return Objects(boxes, point_box, rejected, counts)
 
 
+def _fit(context: _Context, members: np.ndarray, label: int) -> BoxFit:
+    ground = None if context.ground_z is None else float(np.median(context.ground_z[members]))
+    return complete_box(context.xyz[members], context.priors[label], ground, context.sensor)
+
+
+def _join_fragments(context: _Context, found: list[_Candidate]) -> list[_Candidate]:
+    """Join overlapping candidates of one class while together they are plausible, the one with most points first."""
+    waiting = sorted(found, key=lambda c: (-len(c.members), c.groups))
+    joined = []
+    while waiting:
+        current, waiting = waiting[0], waiting[1:]
+        position = 0
+        while position < len(waiting):
+            union = _union(context, current, waiting[position])
+            if union is None:
+                position += 1
+            else:  # the larger box may now reach a fragment that was passed over
+                current, waiting, position = union, waiting[:position] + waiting[position + 1 :], 0
+        joined.append(current)
+    return joined
+
+
+def _union(context: _Context, a: _Candidate, b: _Candidate) -> _Candidate | None:
+    """Both as one object, or None where they are two."""
+    if a.label != b.label or np.hypot(*(a.fit.box[:2] - b.fit.box[:2])) > np.hypot(*a.fit.box[3:5]):
+        return None
+    if rotated_iou_bev(a.fit.box[None], b.fit.box[None])[0, 0] <= context.rules.max_iou:
+        return None
+    members = np.sort(np.concatenate([a.members, b.members]))
+    fit = _fit(context, members, a.label)
+    if not is_plausible(fit, context.priors[a.label], context.rules.max_excess):
+        return None
+    score = (a.score * len(a.members) + b.score * len(b.members)) / len(members)
+    return _Candidate(a.groups + b.groups, members, a.label, score, fit)
+
+
 def _compete(
-    point_groups: Int[np.ndarray, ' points'],
-    fits: list[_Candidate],
+    points: int,
+    found: list[_Candidate],
     true_boxes: Boxes3D,
     earlier: EarlierObjects | None,
     rules: ObjectRules,
 ) -> tuple[Boxes3D, Int[np.ndarray, ' points'], int]:
     """The boxes that keep their place, and each point's row of them; a point follows its box to the one that won."""
-    old = EarlierObjects(Boxes3D.empty(), np.full(len(point_groups), -1)) if earlier is None else earlier
+    old = EarlierObjects(Boxes3D.empty(), np.full(points, -1)) if earlier is None else earlier
     assert old.boxes.scores is not None
     candidates = Boxes3D(
-        np.concatenate([np.array([f.fit.box for f in fits]).reshape(-1, 7), old.boxes.tensor]),
-        np.concatenate([np.array([f.label for f in fits], dtype=np.int64), old.boxes.labels]),
-        np.concatenate([np.array([f.score for f in fits], dtype=np.float64), old.boxes.scores]),
+        np.concatenate([np.array([f.fit.box for f in found]).reshape(-1, 7), old.boxes.tensor]),
+        np.concatenate([np.array([f.label for f in found], dtype=np.int64), old.boxes.labels]),
+        np.concatenate([np.array([f.score for f in found], dtype=np.float64), old.boxes.scores]),
     )
-    winner = suppress(candidates, true_boxes, rules.max_iou)
+    priority = np.concatenate([np.array([len(f.members) for f in found], dtype=np.float64), old.boxes.scores - 1])
+    winner = suppress(candidates, priority, true_boxes, rules.max_iou)
     kept = winner == np.arange(len(candidates))
     row = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)
     same_class = np.append(candidates.labels, -1)[winner] == candidates.labels
     target = np.append(np.where(same_class, row[winner], -1), -1)
-    claimed = np.where(old.point_box >= 0, len(fits) + old.point_box, -1)
-    for number, candidate in enumerate(fits):
-        claimed[point_groups == candidate.group] = number
+    claimed = np.where(old.point_box >= 0, len(found) + old.point_box, -1)
+    for number, candidate in enumerate(found):
+        claimed[candidate.members] = number
     return candidates.select(kept), target[claimed].astype(np.int64), int((~kept).sum())
