@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from rm3d_plugin.ops._gather_gemm import gather_gemm, gather_outer
 from rm3d_plugin.ops.kernel_map import KernelMap
 
 
@@ -63,6 +64,25 @@ def _offset_pairs(kernel_map: KernelMap, k: int) -> tuple[Tensor, Tensor]:
 
 
 def _forward(features: Tensor, weight: Tensor, kernel_map: KernelMap) -> Tensor:
+    if _has_kernel(features):
+        pairs = kernel_map.pair_in.numpy(), kernel_map.pair_out.numpy(), kernel_map.starts
+        return torch.from_numpy(gather_gemm(features.numpy(), weight.numpy(), *pairs, kernel_map.n_out))
+    return _forward_plain(features, weight, kernel_map)
+
+
+def _weight_grad(features: Tensor, grad: Tensor, kernel_map: KernelMap) -> Tensor:
+    if _has_kernel(features):
+        pairs = kernel_map.pair_in.numpy(), kernel_map.pair_out.numpy(), kernel_map.starts
+        return torch.from_numpy(gather_outer(features.numpy(), grad.numpy(), *pairs))
+    return _weight_grad_plain(features, grad, kernel_map)
+
+
+def _has_kernel(features: Tensor) -> bool:
+    """Whether the numba kernels serve this tensor; other devices and half precision take the plain torch path."""
+    return features.device.type == 'cpu' and features.dtype in (torch.float32, torch.float64)
+
+
+def _forward_plain(features: Tensor, weight: Tensor, kernel_map: KernelMap) -> Tensor:
     out = features.new_zeros((kernel_map.n_out, weight.shape[2]))
     for k in range(len(weight)):
         rows_in, rows_out = _offset_pairs(kernel_map, k)
@@ -70,7 +90,7 @@ def _forward(features: Tensor, weight: Tensor, kernel_map: KernelMap) -> Tensor:
     return out
 
 
-def _weight_grad(features: Tensor, grad: Tensor, kernel_map: KernelMap) -> Tensor:
+def _weight_grad_plain(features: Tensor, grad: Tensor, kernel_map: KernelMap) -> Tensor:
     out = features.new_empty((len(kernel_map.starts) - 1, features.shape[1], grad.shape[1]))
     for k in range(len(out)):
         rows_in, rows_out = _offset_pairs(kernel_map, k)
