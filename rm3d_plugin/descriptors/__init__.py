@@ -1,0 +1,16 @@
+"""One descriptor a file: points in, one feature vector a point out (METHOD 3). Importing the package registers them."""
+
+from rm3d_plugin.descriptors.adapted_pfh import AdaptedPFH, adapted_pfh
+from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, cosine_similarity, region_means
+from rm3d_plugin.descriptors.pfh import PFH, original_pfh
+
+__all__ = [
+    'PFH',
+    'AdaptedPFH',
+    'Descriptor',
+    'adapted_pfh',
+    'cloud_normals',
+    'cosine_similarity',
+    'original_pfh',
+    'region_means',
+]

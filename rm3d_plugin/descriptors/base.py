@@ -1,0 +1,109 @@
+"""What every descriptor is, and what they share: normals to work with, region means, similarity."""
+
+from abc import ABC, abstractmethod
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from rm3d_plugin.ops.normals import estimate_normals
+from rm3d_plugin.ops.octree import Octree
+from rm3d_plugin.structures import Descriptors, PointCloud, Regions
+
+
+def cosine_similarity(
+    first: Float[np.ndarray, 'pairs features'], second: Float[np.ndarray, 'pairs features']
+) -> Float[np.ndarray, ' pairs']:
+    """Cosine between rows, clipped to [0, 1]; 0 where a row is zero (not described).
+
+    Scaling a row changes nothing, so histograms need no renormalising before.
+
+    Raises:
+        ValueError: The shapes differ.
+
+    Examples:
+        >>> cosine_similarity(np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([[2.0, 0.0], [-1.0, -1.0]]))
+        array([1., 0.])
+    """
+    if first.shape != second.shape or first.ndim != 2:
+        raise ValueError(f'cosine_similarity: expected two arrays (P, F), got {first.shape} and {second.shape}')
+    a, b = first.astype(np.float64), second.astype(np.float64)
+    norms = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+    return np.clip((a * b).sum(axis=1) / np.where(norms > 0, norms, 1.0), 0.0, 1.0)
+
+
+def region_means(
+    descriptors: Descriptors, regions: Regions, histogram: bool = False
+) -> Float[np.ndarray, 'regions features']:
+    """Mean descriptor of each region over its valid points, float64; zero where no point is valid (METHOD 6).
+
+    Args:
+        descriptors: One row a point of the scene.
+        regions: The partition of the scene.
+        histogram: Scale each mean to an L1 norm of 1.
+
+    Raises:
+        ValueError: The numbers of points differ.
+    """
+    if len(descriptors) != len(regions.labels):
+        raise ValueError(
+            f'region_means: {len(descriptors)} descriptors for {len(regions.labels)} points of the regions'
+        )
+    share = regions.pool_mean(descriptors.valid[:, None].astype(np.float64))
+    means = regions.pool_mean(np.where(descriptors.valid[:, None], descriptors.values, np.float32(0)))
+    scale = np.abs(means).sum(axis=1, keepdims=True) if histogram else share
+    return means / np.where(scale > 0, scale, 1.0)
+
+
+def virtual_viewpoint(xyz: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, '3']:
+    """A viewpoint for a cloud whose sensor is not known (metres); it moves with the cloud under any rigid motion.
+
+    It lies off the mean along the direction in which the cloud is thinnest, on the side of the longer tail, as far as
+    the cloud's standard deviation in all directions together: a plane is seen from one side, a room from its middle.
+    """
+    if len(xyz) == 0:
+        return np.zeros(3)
+    points = xyz.astype(np.float64)
+    mean = points.mean(axis=0)
+    centred = points - mean
+    variances, axes = np.linalg.eigh(centred.T @ centred / len(points))
+    along = centred @ axes[:, 0]
+    side = 1.0 if (along**3).sum() >= 0 else -1.0
+    return mean + side * np.sqrt(max(variances.sum(), 0.0)) * axes[:, 0]
+
+
+def cloud_normals(cloud: PointCloud, k: int, octree: Octree | None = None) -> Float[np.ndarray, 'points 3']:
+    """The cloud's normals, or estimates turned to the sensor; float32, zero where there is none.
+
+    Args:
+        cloud: Its ``normals`` are used where it has them. Without a sensor estimates turn to :func:`virtual_viewpoint`.
+        k: Nearest points that an estimate uses.
+        octree: Over the cloud's points, where there is one already.
+    """
+    if cloud.normals is not None:
+        return cloud.normals
+    viewpoint = virtual_viewpoint(cloud.xyz) if cloud.sensor is None else np.asarray(cloud.sensor, dtype=np.float64)
+    estimate = estimate_normals(cloud.xyz, k=k, viewpoint=viewpoint, octree=octree)
+    return np.where(estimate.valid[:, None], estimate.normals, np.float32(0))
+
+
+class Descriptor(ABC):
+    """Turns a cloud into one feature vector a point. Subclasses are final and registered in ``DESCRIPTORS``."""
+
+    @abstractmethod
+    def compute(self, cloud: PointCloud) -> Descriptors:
+        """Describe every point of a cloud.
+
+        Args:
+            cloud: The scene.
+
+        Returns:
+            Values and validity, one row a point.
+        """
+
+    @final
+    def similarity(
+        self, first: Float[np.ndarray, 'pairs features'], second: Float[np.ndarray, 'pairs features']
+    ) -> Float[np.ndarray, ' pairs']:
+        """Similarity of region means in [0, 1], row by row: :func:`cosine_similarity`."""
+        return cosine_similarity(first, second)
