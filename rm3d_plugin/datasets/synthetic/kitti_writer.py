@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from tqdm import tqdm
 
 from rm3d_plugin.datasets.kitti_format import (
+    DONT_CARE,
     IMAGE_SIZE,
     KittiCalib,
     KittiObject,
@@ -22,7 +23,7 @@ from rm3d_plugin.datasets.kitti_format import (
     transform,
     write_calib,
 )
-from rm3d_plugin.datasets.synthetic.lidar import Hits, SpinningLidar, cast, count_hits, make_beams, scan
+from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar, cast, count_hits, make_beams, scan
 from rm3d_plugin.datasets.synthetic.road_users import RoadUser
 from rm3d_plugin.datasets.synthetic.shapes import cos_sin, join
 from rm3d_plugin.datasets.synthetic.streets import Placed, Street, make_street
@@ -82,7 +83,8 @@ def make_frame(seed: int, number: int, lidar: SpinningLidar) -> Frame:
     hits = cast(everything.corners, make_beams(lidar), lidar.max_range)
     returned = scan(everything, hits, lidar, rng)
     points = np.concatenate([returned.xyz, returned.intensity[:, None]], axis=1).astype(np.float32)
-    objects = _label(street, hits, lidar, points, calib)
+    rect = transform(points[:, :3], calib.rect_from_lidar)
+    objects = _label(street, hits.triangle, returned.triangle, lidar, rect, calib)
     return Frame(points, objects, calib)
 
 
@@ -215,25 +217,37 @@ def _wrapped(angle: float) -> float:
 
 
 def _label(
-    street: Street, hits: Hits, lidar: SpinningLidar, points: Float[np.ndarray, 'points 4'], calib: KittiCalib
+    street: Street,
+    met: Int[np.ndarray, ' rays'],
+    returned: Int[np.ndarray, ' points'],
+    lidar: SpinningLidar,
+    rect: Float[np.ndarray, 'points 3'],
+    calib: KittiCalib,
 ) -> list[KittiObject]:
-    """KITTI's labels: what the image shows and the lidar meets."""
+    """KITTI's labels: what the image shows and what returned at least one point; DontCare last.
+
+    Args:
+        street: The scene; the triangles of its labelled things come first.
+        met: The triangle that each beam meets.
+        returned: The triangle that each point lies on.
+        lidar: The sensor.
+        rect: The points in the rect frame.
+        calib: The camera.
+    """
     beams = make_beams(lidar)
-    visible = hits.triangle
-    ends = np.cumsum([len(placed.mesh) for placed in street.placed])
-    rect = transform(points[:, :3].astype(np.float64), calib.rect_from_lidar)
-    objects = []
-    for placed, end in zip(street.placed, ends, strict=True):
-        first = end - len(placed.mesh)
-        seen = int(((visible >= first) & (visible < end)).sum())
+    objects, end = [], 0
+    for placed in street.placed:
+        first, end = end, end + len(placed.mesh)
         item = _object(placed, calib)
-        if item is None or count_inside(item, rect) == 0:
+        if item is None or count_inside(item, rect[(returned >= first) & (returned < end)]) == 0:
             continue
-        if item.type != 'DontCare':
-            alone = max(count_hits(placed.mesh.corners, beams, lidar.max_range), 1)
-            item = replace(item, occluded=_occlusion(seen / alone))
-        objects.append(item)
-    return [o for o in objects if o.type != 'DontCare'] + [_dont_care(o) for o in objects if o.type == 'DontCare']
+        if item.type == DONT_CARE:
+            objects.append(KittiObject(DONT_CARE, -1, -1, -10, item.bbox, -1, -1, -1, -1000, -1000, -1000, -10))
+            continue
+        seen = int(((met >= first) & (met < end)).sum())
+        alone = count_hits(placed.mesh.corners, beams, lidar.max_range)
+        objects.append(replace(item, occluded=_occlusion(seen / alone)))
+    return sorted(objects, key=lambda item: item.type == DONT_CARE)
 
 
 def count_inside(item: KittiObject, rect: Float[np.ndarray, 'points 3']) -> int:
@@ -263,11 +277,6 @@ def _object(placed: Placed, calib: KittiCalib) -> KittiObject | None:
     truncated = 1.0 - (shown[2] - shown[0]) * (shown[3] - shown[1]) / area
     if truncated > 0.95:
         return None
-    kind = placed.user.type if np.sqrt(x * x + z * z) <= FAR else 'DontCare'
+    kind = placed.user.type if np.sqrt(x * x + z * z) <= FAR else DONT_CARE
     alpha = observation_angle(x, z, ry)
     return KittiObject(kind, max(truncated, 0.0), 0, alpha, shown, height, width, length, x, y, z, ry)
-
-
-def _dont_care(item: KittiObject) -> KittiObject:
-    """A 2D region that counts neither way."""
-    return KittiObject('DontCare', -1, -1, -10, item.bbox, -1, -1, -1, -1000, -1000, -1000, -10)

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rm3d_plugin.datasets.synthetic.shapes import Mesh, box, cos_sin, disc_ring, ellipsoid, join, loft, mesh, tube
 
@@ -92,16 +92,17 @@ def _hull(kind: str, length: float, width: float, height: float, clearance: floa
     side = [np.stack([x, y, z], axis=1) for y, z in points]
     ring = np.stack(side + [p * np.array([1.0, -1.0, 1.0]) for p in reversed(side)], axis=1)
     body = loft(ring, paint)
-    return _glaze(body, len(x), cabin)
+    return _glaze(body, cabin, x[:-1] > (0.05 * length if kind == 'van' else -length))
 
 
-def _glaze(body: Mesh, stations: int, cabin: Float[np.ndarray, ' stations']) -> Mesh:
-    """Turn the side windows and the steep parts of the roof line of a lofted hull into glass."""
+def _glaze(body: Mesh, cabin: Float[np.ndarray, ' stations'], windows: Bool[np.ndarray, ' gaps']) -> Mesh:
+    """Turn the side windows (where there may be any) and the steep parts of a lofted hull's roof line into glass."""
     quads_of_ring = 8
-    cells = (stations - 1) * quads_of_ring
+    cells = (len(cabin) - 1) * quads_of_ring
     station, column = np.divmod(np.arange(cells), quads_of_ring)
     high = np.minimum(cabin[station], cabin[station + 1])
     side = ((column == 2) | (column == 4)) & (np.maximum(cabin[station], cabin[station + 1]) > 0.5)
+    side &= windows[station]
     screen = (column == 3) & (np.abs(cabin[station] - cabin[station + 1]) > 0.25) & (high < 0.8)
     glass = np.zeros(len(body), dtype=bool)
     glass[: 2 * cells] = np.tile(side | screen, 2)
