@@ -5,6 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+SOLID_WIDTH = 1.0  # m; people and cyclists are narrower, and a lidar sees around and through them
+STRAY_SHARE = 0.02  # share of the points at either end that may be strays
+STRAY_GAP = 0.2  # m; how far apart they then lie
 GRID_STEP = np.deg2rad(2.0)  # coarse search over a quarter turn
 FINE_STEPS = 9  # refinement within one coarse step to either side
 MAX_POINTS = 512  # points that vote for an angle; more cost time and change little
@@ -50,11 +53,31 @@ def _frames(xy: np.ndarray, sensor: np.ndarray, angles: np.ndarray) -> _Frames:
     )
 
 
-def _place(low: np.ndarray, high: np.ndarray, sensor: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Start and end of an interval of at least ``length`` that holds the points and extends away from the sensor."""
+def _ends(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the points of each row begin and end; a few strays that lie apart from the others do not count."""
+    last = values.shape[1] - 1
+    strays = min(int(np.ceil(STRAY_SHARE * last)), last // 2)
+    parts = np.partition(values, (0, strays, last - strays, last), axis=1)
+    low, inner_low, inner_high, high = parts[:, 0], parts[:, strays], parts[:, last - strays], parts[:, last]
+    return (
+        np.where(inner_low - low > STRAY_GAP, inner_low, low),
+        np.where(high - inner_high > STRAY_GAP, inner_high, high),
+    )
+
+
+def _place(
+    low: np.ndarray, high: np.ndarray, sensor: np.ndarray, length: float, solid: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Start and end of an interval of at least ``length`` that holds the points.
+
+    What is missing to that length is hidden behind a solid object; it is missing on both sides of a slender one, and
+    where the sensor is between the two ends.
+    """
     size = np.maximum(length, high - low)
     slack = size - (high - low)
-    start = np.where(sensor < low, low, np.where(sensor > high, low - slack, low - slack / 2))
+    start = low - slack / 2
+    if solid:
+        start = np.where(sensor < low, low, np.where(sensor > high, low - slack, start))
     return start, start + size
 
 
@@ -64,11 +87,11 @@ def _to_faces(values: np.ndarray, start: np.ndarray, end: np.ndarray, sensor: np
     return np.abs(values - near[:, None])
 
 
-def _costs(frames: _Frames, length: float, width: float) -> np.ndarray:
+def _costs(frames: _Frames, length: float, width: float, solid: bool) -> np.ndarray:
     """Cost of each angle for a rectangle with its length along u."""
-    low_u, high_u, low_v, high_v = (f(axis=1) for f in (frames.u.min, frames.u.max, frames.v.min, frames.v.max))
-    start_u, end_u = _place(low_u, high_u, frames.sensor_u, length)
-    start_v, end_v = _place(low_v, high_v, frames.sensor_v, width)
+    (low_u, high_u), (low_v, high_v) = _ends(frames.u), _ends(frames.v)
+    start_u, end_u = _place(low_u, high_u, frames.sensor_u, length, solid)
+    start_v, end_v = _place(low_v, high_v, frames.sensor_v, width, solid)
     distance = np.minimum(
         _to_faces(frames.u, start_u, end_u, frames.sensor_u), _to_faces(frames.v, start_v, end_v, frames.sensor_v)
     )
@@ -104,24 +127,25 @@ def fit_footprint(
     if len(xy) == 0:
         raise ValueError('fit_footprint: expected at least one point')
     length, width = float(size[0]), float(size[1])
+    solid = min(length, width) >= SOLID_WIDTH
     where = np.asarray(sensor, dtype=np.float64)
     middle = xy.mean(axis=0)
     points, where = xy - middle, where - middle
     voters = points[:: -(-len(points) // MAX_POINTS)]
     grid = np.arange(0.0, np.pi, GRID_STEP)
-    costs = _costs(_frames(voters, where, grid), length, width)
+    costs = _costs(_frames(voters, where, grid), length, width, solid)
     best = grid[int(costs.argmin())]
     fine = best + np.linspace(-GRID_STEP, GRID_STEP, 2 * FINE_STEPS + 1)
-    costs = _costs(_frames(voters, where, fine), length, width)
+    costs = _costs(_frames(voters, where, fine), length, width, solid)
     pick = int(costs.argmin())
     angle = np.array([fine[pick]])
     frames = _frames(points, where, angle)
-    low_u, high_u, low_v, high_v = frames.u.min(), frames.u.max(), frames.v.min(), frames.v.max()
-    start_u, end_u = _place(low_u, high_u, frames.sensor_u[0], length)
-    start_v, end_v = _place(low_v, high_v, frames.sensor_v[0], width)
+    (low_u, high_u), (low_v, high_v) = _ends(frames.u), _ends(frames.v)
+    start_u, end_u = (edge[0] for edge in _place(low_u, high_u, frames.sensor_u, length, solid))
+    start_v, end_v = (edge[0] for edge in _place(low_v, high_v, frames.sensor_v, width, solid))
     u, v = (start_u + end_u) / 2, (start_v + end_v) / 2
     c, s = np.cos(angle[0]), np.sin(angle[0])
     center = middle + np.array([c * u - s * v, s * u + c * v])
     yaw = (angle[0] + np.pi / 2) % np.pi - np.pi / 2
-    span = np.array([high_u - low_u, high_v - low_v])
+    span = np.array([high_u[0] - low_u[0], high_v[0] - low_v[0]])
     return Footprint(center, np.array([end_u - start_u, end_v - start_v]), float(yaw), span, float(costs[pick]))

@@ -12,7 +12,6 @@ from rm3d_plugin.structures import Boxes3D
 
 MAX_EXCESS = 1.35  # a group larger than this times its class's size is not one object; METHOD 7
 EXCESS_SLACK = 0.1  # m; measurement noise on top
-HEIGHT_SEEN = 0.8  # share of the usual height from which the top counts as seen
 MIN_SIZE = 0.05  # m; a flat group still has a box
 
 
@@ -46,6 +45,8 @@ def tight_box(
 ) -> Float[np.ndarray, '7']:
     """The smallest upright box around the points, axis-aligned (as printed) or turned to fit their sides.
 
+    A turned box leaves out a few strays (see :func:`fit_footprint`).
+
     Args:
         points: (N, 3) metres, at least one.
         yaw_fitted: Search the angle whose rectangle hugs the points; else the axes are the scene's.
@@ -55,12 +56,12 @@ def tight_box(
     low, high = points.min(axis=0), points.max(axis=0)
     if not yaw_fitted:
         return np.concatenate([(low + high) / 2, np.maximum(high - low, MIN_SIZE), [0.0]])
-    print_ = fit_footprint(points[:, :2], (0.0, 0.0), sensor)
-    size, yaw = print_.size, print_.yaw
+    footprint = fit_footprint(points[:, :2], (0.0, 0.0), sensor)
+    size, yaw = footprint.size, footprint.yaw
     if size[0] < size[1]:
         size, yaw = size[::-1], (yaw + np.pi) % np.pi - np.pi / 2
     middle, height = (low[2] + high[2]) / 2, high[2] - low[2]
-    return np.array([*print_.center, middle, *np.maximum([*size, height], MIN_SIZE), yaw])
+    return np.array([*footprint.center, middle, *np.maximum([*size, height], MIN_SIZE), yaw])
 
 
 def fit_yaw(
@@ -79,7 +80,7 @@ def complete_box(
     """The whole object behind the faces that the sensor saw.
 
     From above, a rectangle of the class's size touches the points on the sensor's side and extends away from it. It
-    stands on the ground; its top is where the points end if they reach most of the usual height, else the usual one.
+    stands on the ground and is as high as usual, or higher where the points are.
 
     Args:
         points: (N, 3) metres, at least one, without ground.
@@ -91,8 +92,7 @@ def complete_box(
     footprint = fit_footprint(points[:, :2], (float(prior[0]), float(prior[1])), sensor)
     low, high = points[:, 2].min(), points[:, 2].max()
     bottom = low if ground_z is None else min(ground_z, low)
-    seen = high - bottom
-    height = seen if seen >= HEIGHT_SEEN * prior[2] else float(prior[2])
+    height = max(high - bottom, float(prior[2]))  # the top ring may pass under the top, never over it
     box = np.array([*footprint.center, bottom + height / 2, *footprint.size, height, footprint.yaw])
     return BoxFit(box, np.array([*footprint.span, high - low]), footprint.cost)
 
