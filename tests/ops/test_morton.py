@@ -1,0 +1,35 @@
+"""Morton codes against codes put together bit by bit."""
+
+import numpy as np
+
+from rm3d_plugin.ops.morton import BITS, Grid, enclosing_cube, morton_codes, morton_order
+
+
+def slow_code(cell):
+    return sum(((int(cell[axis]) >> bit) & 1) << (3 * bit + axis) for bit in range(BITS) for axis in range(3))
+
+
+def test_codes_bit_by_bit():
+    cells = np.random.default_rng(0).integers(0, 2**BITS, (200, 3))
+    codes = morton_codes(cells + 0.5, Grid(np.zeros(3), 2.0**BITS))
+    assert codes.dtype == np.uint64
+    assert codes.tolist() == [slow_code(cell) for cell in cells]
+
+
+def test_octants_in_order():
+    corners = np.array([[x, y, z] for z in (0.1, 0.9) for y in (0.1, 0.9) for x in (0.1, 0.9)])
+    assert morton_order(corners[::-1], Grid(np.zeros(3), 1.0)).tolist() == list(range(8))[::-1]
+
+
+def test_outside_counts_as_border():
+    codes = morton_codes(np.array([[-5.0, -5, -5], [0, 0, 0], [9, 9, 9], [1, 1, 1]]), Grid(np.zeros(3), 1.0))
+    assert codes[0] == codes[1] == 0
+    assert codes[2] == codes[3] == 2**63 - 1
+
+
+def test_cube_of_nothing_and_of_one_place():
+    assert enclosing_cube(np.zeros((0, 3))).edge == 1.0
+    cube = enclosing_cube(np.full((3, 3), 7.0))
+    assert cube.edge == 1.0 and cube.low.tolist() == [7.0] * 3
+    assert morton_codes(np.zeros((0, 3))).shape == (0,)
+    assert morton_order(np.full((4, 3), 7.0)).tolist() == [0, 1, 2, 3]
