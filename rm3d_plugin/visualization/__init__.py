@@ -1,0 +1,22 @@
+"""Figures and the HTML report, from structures and plain values."""
+
+from rm3d_plugin.visualization.bev import BevPanel, BoxLayer, draw_bev, scene_panels
+from rm3d_plugin.visualization.curves import Chart, Series, draw_chart, smooth
+from rm3d_plugin.visualization.report import BudgetSummary, Picture, ResultRow, RunReport, render_report, write_report
+
+__all__ = [
+    'BevPanel',
+    'BoxLayer',
+    'BudgetSummary',
+    'Chart',
+    'Picture',
+    'ResultRow',
+    'RunReport',
+    'Series',
+    'draw_bev',
+    'draw_chart',
+    'render_report',
+    'scene_panels',
+    'smooth',
+    'write_report',
+]

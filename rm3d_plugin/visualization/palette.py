@@ -1,0 +1,24 @@
+"""Colours that people with any colour vision can tell apart."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+# Okabe and Ito's set, in an order in which neighbours differ most; readable on light and on dark ground.
+SERIES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#8c6bb1', '#7f7f7f')
+GREY = '#b0b0b0'
+
+
+def class_color(number: int) -> str:
+    """Colour of a class or of a line; repeats after eight."""
+    return SERIES[number % len(SERIES)]
+
+
+def region_colors(labels: Int[np.ndarray, ' points']) -> Float[np.ndarray, 'points 3']:
+    """A colour for each region number, the same in every picture; grey where the number is -1 (discarded)."""
+    hue = (np.asarray(labels, dtype=np.float64) * 0.6180339887498949) % 1.0
+    value = 0.55 + 0.4 * ((np.asarray(labels) * 7) % 5) / 4
+    # HSV to RGB at saturation 0.75.
+    ramp = np.abs((hue[:, None] * 6 + np.array([0.0, 4.0, 2.0])) % 6 - 3) - 1
+    colors = value[:, None] * (1 - 0.75 * (1 - np.clip(ramp, 0, 1)))
+    colors[np.asarray(labels) < 0] = 0.8
+    return colors

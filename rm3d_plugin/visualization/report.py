@@ -1,0 +1,118 @@
+"""The page a run leaves behind: one HTML file that needs no network."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rm3d_plugin.storage.files import write_text
+from rm3d_plugin.visualization.curves import Chart
+from rm3d_plugin.visualization.report_sections import (
+    budget_section,
+    chart_section,
+    config_section,
+    label_section,
+    page,
+    picture_section,
+    result_section,
+    summary_section,
+    time_section,
+)
+
+
+class Picture(NamedTuple):
+    """A picture with its words; ``png`` are the bytes of a PNG file."""
+
+    caption: str
+    png: bytes
+
+
+class ResultRow(NamedTuple):
+    """One line of the result table: percent at each difficulty, NaN where there was nothing to find."""
+
+    class_name: str
+    metric: str
+    easy: float
+    moderate: float
+    hard: float
+
+
+@dataclass(frozen=True)
+class BudgetSummary:
+    """Which labels training saw.
+
+    Attributes:
+        name: As users write it ('two boxes per ten scenes').
+        digest: Hash of the drawn budget.
+        counts: Revealed and existing labels by class name.
+        seed: Of the draw, None where the budget was imported.
+    """
+
+    name: str
+    digest: str
+    counts: Mapping[str, tuple[int, int]]
+    seed: int | None = None
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """Everything the page shows; what is left empty is left out.
+
+    Attributes:
+        title: Headline.
+        synthetic: True puts a note on top that the data are synthetic.
+        notes: Further sentences on top.
+        summary: Headline numbers and facts by name.
+        budget: Which labels training saw.
+        results: Rows (class, metric, easy, moderate, hard), percent.
+        charts: Loss and AP curves.
+        rounds: One summary a round: ``coverage`` in [0, 1]; ``points``: by class ``pseudo`` (count) and ``precision``
+            (in [0, 1] or None); ``boxes``: by class ``revealed``, ``pseudo``, ``right``, ``true`` (counts);
+            ``truth_known``: False where right and true mean nothing. ``round`` numbers the row, else its place does.
+        pictures: Bird's-eye views.
+        config: Settings by name.
+        config_text: The whole resolved config.
+        seconds: Wall-clock seconds by stage.
+    """
+
+    title: str
+    synthetic: bool = False
+    notes: Sequence[str] = ()
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    budget: BudgetSummary | None = None
+    results: Sequence[tuple[str, str, float, float, float]] = ()
+    charts: Sequence[Chart] = ()
+    rounds: Sequence[Mapping[str, Any]] = ()
+    pictures: Sequence[Picture] = ()
+    config: Mapping[str, Any] = field(default_factory=dict)
+    config_text: str = ''
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+def render_report(run: RunReport) -> str:
+    """The page as text: valid HTML with every picture inline; all words are escaped."""
+    budget = run.budget
+    sections = [
+        summary_section(run.summary),
+        result_section(run.results),
+        '' if budget is None else budget_section(budget.name, budget.digest, budget.seed, budget.counts),
+        label_section(run.rounds),
+        chart_section(run.charts),
+        picture_section(run.pictures),
+        time_section(run.seconds),
+        config_section(run.config, run.config_text),
+    ]
+    return page(run.title, run.synthetic, run.notes, [section for section in sections if section])
+
+
+def write_report(path: str | Path, run: RunReport) -> Path:
+    """Write the page; a reader never sees half of it.
+
+    Args:
+        path: The HTML file.
+        run: What to show.
+
+    Returns:
+        The file written.
+    """
+    return write_text(path, render_report(run))
