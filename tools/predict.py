@@ -14,7 +14,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('checkpoint', help='checkpoint of a training run; its config is inside')
     parser.add_argument('scans', nargs='+', type=Path, help='.bin files, or folders of them')
-    parser.add_argument('--out', type=Path, required=True, help='folder for NAME.json, and NAME.txt where ../calib has NAME')
+    parser.add_argument(
+        '--out', type=Path, required=True, help='folder for NAME.json, and NAME.txt where ../calib has NAME'
+    )
     parser.add_argument('--min-score', type=float, default=0.1, help='leave out boxes that score lower; default 0.1')
     parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...; default cpu')
     args = parser.parse_args(arguments)

@@ -13,7 +13,10 @@ default_hooks = dict(
     param_scheduler=dict(type='ParamSchedulerHook'),
     sampler_seed=dict(type='DistSamplerSeedHook'),
     checkpoint=dict(
-        type='CheckpointHook', interval='${checkpoint_interval}', max_keep_ckpts=2, backend_args=dict(backend='rm3d_atomic')
+        type='CheckpointHook',
+        interval='${checkpoint_interval}',
+        max_keep_ckpts=2,
+        backend_args=dict(backend='rm3d_atomic'),
     ),
 )
 checkpoint_interval = 1  # epochs

@@ -1,7 +1,8 @@
 """Configs whose leaves are one page: top-level keys, and references to them.
 
-A value that is exactly ``'${name}'`` becomes the top-level value ``name`` (any type); inside a longer string the value is
-written out. References are resolved after ``--demo`` and ``--cfg-options``, so one key changes everything that uses it::
+A value that is exactly ``'${name}'`` becomes the top-level value ``name`` (any type; ``'${name.key}'`` goes deeper);
+inside a longer string the value is written out. References are resolved after ``--demo`` and ``--cfg-options``, so one
+key changes everything that uses it::
 
     data_root = 'data/kitti'
     train_dataloader = dict(dataset=dict(type='KittiDataset', data_root='${data_root}'))
@@ -16,7 +17,7 @@ from typing import Any
 
 from mmengine.config import Config
 
-_REFERENCE = re.compile(r'\$\{(\w+)\}')
+_REFERENCE = re.compile(r'\$\{([\w.]+)\}')
 
 
 class ConfigError(ValueError):
@@ -24,9 +25,12 @@ class ConfigError(ValueError):
 
 
 def _lookup(name: str, names: Mapping[str, Any], path: str) -> Any:
-    if name not in names:
-        raise ConfigError(f"{path}: '${{{name}}}' names no top-level key of the config; known: {sorted(names)}")
-    return names[name]
+    value: Any = names
+    for key in name.split('.'):
+        if not isinstance(value, Mapping) or key not in value:
+            raise ConfigError(f"{path}: '${{{name}}}' names no key of the config; top-level keys: {sorted(names)}")
+        value = value[key]
+    return value
 
 
 def resolve(value: Any, names: Mapping[str, Any], path: str = 'config', depth: int = 0) -> Any:

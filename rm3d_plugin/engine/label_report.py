@@ -21,9 +21,9 @@ def summarise(scenes: Iterable[tuple[PseudoLabels, Truth | None]], classes: Sequ
         classes: Names of the object classes.
 
     Returns:
-        ``coverage``: share of all points with a label. ``points``: per class name, how many points have that pseudo label
-        and, where the truth is known, ``precision``. ``boxes``: per class, revealed, pseudo, right (overlap from above
-        of at least .25 with a true box of the class) and true ones.
+        ``coverage``: share of all points with a label. ``points``: per class name, how many points have that pseudo
+        label and, where the truth is known, ``precision``. ``boxes``: per class, revealed, pseudo, right (overlap from
+        above of at least .25 with a true box of the class) and true ones.
     """
     names = [*classes, BACKGROUND]
     total = labelled = 0

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float, Int
+from joblib import Parallel, delayed
 from mmengine.dist import is_main_process
 from tqdm import tqdm
 
-from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.engine.label_report import describe_round, summarise
+from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import ObjectRules, WeakLabels, refresh_detection
 from rm3d_plugin.pseudo_labels.boxes import size_priors
@@ -75,7 +76,7 @@ class SceneLabeler:
         self._settings = (dict(descriptor), dict(oversegmenter), graph_neighbors, max_gap)
         self._descriptor = DESCRIPTORS.build(dict(descriptor))
         self._oversegmenter = OVERSEGMENTERS.build(dict(oversegmenter))
-        self._graph = {'graph_neighbors': graph_neighbors, 'max_gap': max_gap}
+        self._graph_neighbors, self._max_gap = graph_neighbors, max_gap
         self._default_sizes = None if default_sizes is None else np.asarray(default_sizes, dtype=np.float64)
         self._index = {scene: i for i, scene in enumerate(self.source.scene_ids)}
         self._weak: dict[str, WeakLabels] = {}
@@ -90,7 +91,8 @@ class SceneLabeler:
         key = content_key('prepared', PREPARED_VERSION, channels, self._settings)
 
         def make() -> dict[str, np.ndarray]:
-            return prepare_scene(cloud, self._descriptor, self._oversegmenter, **self._graph).to_arrays()
+            scene = prepare_scene(cloud, self._descriptor, self._oversegmenter, self._graph_neighbors, self._max_gap)
+            return scene.to_arrays()
 
         return PreparedScene.from_arrays(self.cache.get_or_make(key, make))
 
@@ -117,6 +119,21 @@ class SceneLabeler:
         labels = np.concatenate([self.weak(scene).boxes.labels for scene in self._index])
         return np.bincount(labels, minlength=len(self.source.classes))
 
+    def prepare(self, jobs: int = 1) -> None:
+        """Fill the geometry cache.
+
+        Args:
+            jobs: Processes; any joblib backend that is set (dask, say) is used.
+        """
+        if jobs == 1:
+            for scene in tqdm(self._index, desc='preparing geometry'):
+                self.prepared(scene)
+            return
+        tasks = (delayed(_prepare_one)(self, scene) for scene in self._index)
+        done = Parallel(n_jobs=jobs, return_as='generator_unordered')(tasks)
+        for _ in tqdm(done, total=len(self._index), desc=f'preparing geometry, {jobs} processes'):
+            pass
+
     # ------------------------------------------------------------------ what the hook calls
 
     def start(self, keep: bool, log: Log = print) -> None:
@@ -128,8 +145,7 @@ class SceneLabeler:
         """
         self.source.open(self.store.root, resume=keep)
         log(self.source.describe())
-        for scene in tqdm(self._index, desc='preparing geometry'):
-            self.prepared(scene)
+        self.prepare()
         if not (keep and self.is_finished(0)):
             self.begin(0)
             for scene in tqdm(self._index, desc='labels, round 0'):
@@ -188,6 +204,10 @@ class SceneLabeler:
         )
         self.store.finish_round(number, summary)
         log(f'labels of round {number}: {describe_round(summary)}')
+
+
+def _prepare_one(labeler: SceneLabeler, scene_id: str) -> None:
+    labeler.prepared(scene_id)
 
 
 PREPARED_VERSION = 1  # raise it when the geometry path changes, so that older caches are not read

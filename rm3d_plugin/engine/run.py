@@ -14,14 +14,15 @@ from mmengine.registry import init_default_scope
 from mmengine.runner import Runner
 
 from rm3d_plugin.datasets.base import DatasetNotFoundError
-from rm3d_plugin.datasets.synthetic import make_streets
 from rm3d_plugin.engine.config import ConfigError, load_config, unknown_options
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
-from rm3d_plugin.registry import SCOPE
+from rm3d_plugin.registry import SCOPE, TASK_UTILS
 from rm3d_plugin.storage import DamagedFileError
 from rm3d_plugin.structures import SceneError
 
-DEMO_NOTE = 'Demo data: the scenes are synthetic (virtual lidar in generated streets); scores say nothing of real scans.'
+DEMO_NOTE = (
+    'Demo data: the scenes are synthetic (virtual lidar in generated streets); scores say nothing of real scans.'
+)
 
 
 def add_config_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,6 +53,8 @@ def config_of(args: argparse.Namespace) -> Config:
     set_threads(int(config.threads))
     init_default_scope(SCOPE)
     if args.demo:
+        from rm3d_plugin.datasets.synthetic import make_streets  # ray casting takes seconds to import
+
         print(DEMO_NOTE)
         make_streets(config.data_root, **config.demo_data)
     return config
@@ -89,6 +92,22 @@ def train(config: Config, resume: bool = False, amp: bool = False, launcher: str
     runner = Runner.from_cfg(config)
     runner.train()
     return work_dir
+
+
+def prepare(config: Config, jobs: int = 1) -> None:
+    """Fill the geometry cache of the training scenes.
+
+    Raises:
+        ConfigError: The config has no hook that makes labels.
+    """
+    hooks = [hook for hook in config.custom_hooks if hook.type.endswith('RegionMergeHook')]
+    if not hooks:
+        raise ConfigError(
+            f'{config.config_name}: no RegionMergeHook among custom_hooks, so there is nothing to prepare'
+        )
+    labeler = TASK_UTILS.build(hooks[0].labeler)
+    labeler.prepare(jobs)
+    print(f'geometry of {len(labeler.source.scene_ids)} scenes is in {labeler.cache.root}')
 
 
 def clear_run(work_dir: Path) -> None:

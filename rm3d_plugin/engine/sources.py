@@ -8,7 +8,15 @@ from typing import Any
 from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import Truth
-from rm3d_plugin.label_budgets import BoxAmount, BoxBudget, count_points, draw_box_budget, hide, load_box_budget, save_box_budget
+from rm3d_plugin.label_budgets import (
+    BoxAmount,
+    BoxBudget,
+    count_points,
+    draw_box_budget,
+    hide,
+    load_box_budget,
+    save_box_budget,
+)
 from rm3d_plugin.pseudo_labels import WeakLabels
 from rm3d_plugin.registry import DATASETS, TASK_UTILS
 from rm3d_plugin.structures import PointCloud
@@ -41,7 +49,7 @@ class LabelSource(ABC):
         """What is revealed, in one or a few lines."""
         return f'{len(self.scene_ids)} scenes'
 
-    def open(self, folder: Path, resume: bool) -> None:
+    def open(self, folder: Path, resume: bool) -> None:  # noqa: B027  a source with fixed labels has nothing to keep
         """Draw what is revealed and keep it in ``folder``, or with ``resume`` take up what is kept there."""
 
 

@@ -1,3 +1,3 @@
-# Two boxes per ten scenes, drawn by seed (METHOD 8); other budgets: '0p5pct', '3pct', 'full'.
+# Two labelled boxes per ten frames, drawn by seed (METHOD 8).
 budget = '1pct'
 budget_seed = '${seed}'

@@ -3,7 +3,7 @@ descriptor = dict(type='AdaptedPFH', radius=0.5, max_neighbors=32)
 oversegmenter = dict(type='RegionGrowing')
 graph_neighbors = 8
 max_gap = 0.6  # m between adjacent regions
-strategy = dict(rounds='${rounds}', centre_distance=[1.2, 0.5, 0.7])
+strategy = dict(rounds='${rounds}', centre_distance=[1.2, 0.5, 0.7, None])
 
 custom_hooks = [
     dict(type='EpochSeedHook'),
@@ -31,5 +31,4 @@ custom_hooks = [
     ),
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),
-    dict(type='ReportHook'),
 ]

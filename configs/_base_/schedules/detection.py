@@ -16,3 +16,17 @@ optim_wrapper = dict(
     clip_grad=dict(max_norm=10.0),
 )
 param_scheduler = [dict(type='MultiStepLR', by_epoch=True, milestones='${milestones}', gamma=0.1)]
+
+# What --demo changes: embedded synthetic data, a smaller network, fewer epochs.
+demo = dict(
+    data_root='data/demo_streets',
+    demo_data=dict(num_train=100, num_val=40, seed=0),
+    sigma=3,
+    batch_size=4,
+    widths=[16, 32, 48, 64],
+    voxel_size=0.15,
+    hidden=64,
+    milestones=[16, 21],
+    learning_rate=2e-3,
+    val_rounds=8,
+)

@@ -17,9 +17,9 @@ from rm3d_plugin.registry import HOOKS, TASK_UTILS
 class RegionMergeHook(Hook):
     """Decides when: before training the first labels are made, then every ``interval`` epochs new ones (METHOD 1).
 
-    How they are made is the labeler's business. The hook works in any mmengine project whose model, in mode ``predict``,
-    returns data samples with ``pred_point_probs`` (n, classes) and optionally ``pred_point_centers`` (n, 3) and
-    ``point_index`` (n,).
+    How they are made is the labeler's business. The hook works in any mmengine project whose model, in mode
+    ``predict``, returns data samples with ``pred_point_probs`` (n, classes) and optionally ``pred_point_centers``
+    (n, 3) and ``point_index`` (n,).
 
     Args:
         interval: sigma, epochs between two refreshes.

@@ -1,9 +1,10 @@
-"""Keeps ``metrics.json`` of the work directory: losses of each epoch, scores of each validation, labels of each round."""
+"""Keeps ``metrics.json`` of the work directory: losses of each epoch, scores of each validation."""
 
 import json
 from pathlib import Path
 from typing import Any
 
+import torch
 from mmengine.dist import is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import Runner
@@ -54,7 +55,7 @@ class RunRecordHook(Hook):
     ) -> None:
         """Add up the losses."""
         for name, value in (outputs or {}).items():
-            self._sums[name] = self._sums.get(name, 0.0) + float(value)
+            self._sums[name] = self._sums.get(name, 0.0) + float(torch.as_tensor(value).detach())
         self._steps += 1
 
     def after_train_epoch(self, runner: Runner) -> None:

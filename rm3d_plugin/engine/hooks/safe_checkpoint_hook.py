@@ -50,10 +50,10 @@ def latest_checkpoint(work_dir: str | Path) -> Path | None:
 
 @HOOKS.register_module()
 class SafeCheckpointHook(Hook):
-    """Drop what torch refuses to load safely: the message hub's smoothing buffers (they only steady the console log)."""
+    """Drop what torch refuses to load safely: the message hub's buffers, which only steady the console log."""
 
     def before_save_checkpoint(self, runner: Runner, checkpoint: dict[str, Any]) -> None:
-        """Empty the message hub's part of the checkpoint; add the config as plain data, so that loading runs no code."""
+        """Empty the message hub's part; add the config as plain data, so that loading runs no code."""
         checkpoint['meta']['config_json'] = json.dumps(runner.cfg.to_dict())
         checkpoint['message_hub'] = {'log_scalars': {}, 'runtime_info': {}, 'resumed_keys': {}}
 
