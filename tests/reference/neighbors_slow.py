@@ -11,7 +11,7 @@ def squared_distances(points, queries):
 
 
 def slow_neighbors(points, queries, radius=np.inf, k=None):
-    """For each query its points within ``radius``, at most ``k``, by distance, then number: (indices, squared distances)."""
+    """For each query its points within ``radius``, at most ``k``, by distance, then number; with squared distances."""
     radii = np.broadcast_to(radius, (len(queries),))
     rows = []
     for squares, reach in zip(squared_distances(points, queries), radii, strict=True):
