@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from rm3d_plugin.structures import Boxes3D
 from rm3d_plugin.visualization.palette import GREY, class_color, region_colors
 
-TRUTH, PSEUDO, PREDICTED = '#111111', '#d55e00', '#0072b2'
+TRUTH, PSEUDO, PREDICTED = '#111111', '#b5179e', '#0072b2'
 Span = tuple[float, float, float, float]
 
 
@@ -89,7 +89,7 @@ def span_of(panels: Sequence[BevPanel], margin: float = 2.0) -> Span:
 def draw_bev(
     panels: Sequence[BevPanel],
     span: Span | None = None,
-    max_points: int = 60_000,
+    max_points: int = 40_000,
     width: float = 4.2,
     dpi: int = 110,
 ) -> bytes:
@@ -112,13 +112,13 @@ def draw_bev(
         raise ValueError('draw_bev: no panel to draw')
     span = span_of(panels) if span is None else span
     aspect = float(np.clip((span[3] - span[1]) / max(span[2] - span[0], 1e-6), 0.4, 2.0))
-    figure = Figure(figsize=(width * len(panels), width * aspect + 0.9), dpi=dpi, layout='constrained')
+    figure = Figure(figsize=(width * len(panels), (width - 0.55) * aspect + 0.65), dpi=dpi, layout='constrained')
     canvas = FigureCanvasAgg(figure)
     for i, panel in enumerate(panels):
         axes = figure.add_subplot(1, len(panels), i + 1)
         _draw_panel(axes, panel, span, max_points)
     stream = io.BytesIO()
-    canvas.print_png(stream, metadata={'Software': None})
+    canvas.print_png(stream, metadata={'Software': None}, pil_kwargs={'optimize': True})
     return stream.getvalue()
 
 
@@ -131,7 +131,7 @@ def scene_panels(
     pseudo: Boxes3D | None = None,
     predicted: Boxes3D | None = None,
 ) -> list[BevPanel]:
-    """The panels of a scene for which something is given: regions, pseudo labels, predictions; truth is dashed black.
+    """The panels of a scene for which something is given: regions, pseudo labels, predictions; truth lies below, dashed black.
 
     Args:
         xyz: (N, 3) metres.
@@ -151,9 +151,9 @@ def scene_panels(
         colors = None if semantic is None else class_point_colors(semantic, len(classes))
         legend = [] if semantic is None else [(class_color(c), name) for c, name in enumerate(classes)]
         layers = [] if pseudo is None else [BoxLayer('pseudo box', pseudo, PSEUDO)]
-        panels.append(BevPanel('Pseudo labels', xyz, colors, [*layers, *known], legend))
+        panels.append(BevPanel('Pseudo labels', xyz, colors, [*known, *layers], legend))
     if predicted is not None:
-        panels.append(BevPanel('Predictions', xyz, None, [BoxLayer('predicted', predicted, PREDICTED), *known]))
+        panels.append(BevPanel('Predictions', xyz, None, [*known, BoxLayer('predicted', predicted, PREDICTED)]))
     return panels or [BevPanel('Scene', xyz, None, known)]
 
 
