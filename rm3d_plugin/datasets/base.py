@@ -53,7 +53,8 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             'none': no labels.
         label_store: Folder of the label store, needed for labels='store'.
         bad_scenes: 'error': a scene that cannot be used raises when it is read. 'skip': every scene is read once at
-            the start, and those that cannot be used are left out, with one warning that counts and names them.
+            the start (its points; with labels='truth' its labels too), and those that cannot be used are left out, with
+            one warning that counts and names them.
         seed: Of the items' generators.
     """
 
@@ -216,6 +217,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             )
         good = tuple(name for name in scene_ids if name not in reasons)
         if scene_ids and not good:
+            self._scene_ids = None
             raise SceneError(f'none of {len(scene_ids)} scenes can be used; the first: {reasons[scene_ids[0]]}')
         return good
 

@@ -110,7 +110,7 @@ class KittiDataset(SceneDataset):
             raise DatasetNotFoundError(
                 self._not_found(f'there is no list {self.ann_file}; ann_file=None takes every frame')
             )
-        frames = tuple(self.ann_file.read_text(encoding='ascii').split())
+        frames = tuple(self.ann_file.read_text(encoding='utf-8-sig', errors='replace').split())
         doubled = len(frames) - len(set(frames))
         if doubled or not frames:
             raise SceneError(f'{self.ann_file}: {len(frames)} frames, {doubled} of them twice; list each frame once')
@@ -140,20 +140,25 @@ class KittiDataset(SceneDataset):
         path = folder / f'{scene_id}.bin'
         points = read_velodyne(path)
         check_points(points, path)
-        keep = ((points[:, :3] >= self.point_range[:3]) & (points[:, :3] < self.point_range[3:])).all(axis=1)
+        low, high = self.point_range[:3], self.point_range[3:]
+        kept = points[((points[:, :3] >= low) & (points[:, :3] < high)).all(axis=1)]
         if self.fov_only:
-            keep &= in_camera_view(points, self._calib(scene_id), self._image_size(scene_id))
-        if not keep.any():
+            kept = kept[in_camera_view(kept, self._calib(scene_id), self._image_size(scene_id))]
+        if len(kept) == 0:
             raise SceneError(f'{path}: none of {len(points)} points lies in range {self.point_range.tolist()} and view')
-        kept = points[keep]
         return PointCloud(xyz=kept[:, :3], intensity=kept[:, 3], sensor=(0.0, 0.0, 0.0))
 
     def load_truth(self, index: int) -> Truth:
         """Boxes in range; points inside them, background elsewhere, -1 inside objects of neighbouring types."""
         objects, calib, _ = self.annotations(index)
-        boxes = self._in_range(objects_to_boxes(objects, calib, self.classes))
         near = [name for cls in self.classes for name in NEIGHBOURS.get(cls, ()) if name not in self.classes]
-        others = objects_to_boxes(objects, calib, near)
+        try:
+            boxes = self._in_range(objects_to_boxes(objects, calib, self.classes))
+            others = objects_to_boxes(objects, calib, near)
+        except ValueError as error:
+            raise SceneError(
+                f'{self._label_file(self.scene_ids[index])}: {error}; correct or remove the line'
+            ) from error
         xyz = self.load_cloud(index).xyz
         instance = points_in_boxes(xyz, boxes.tensor)
         semantic = np.full(len(xyz), len(self.classes), dtype=np.int64)
@@ -171,7 +176,7 @@ class KittiDataset(SceneDataset):
         scene_id = self.scene_ids[index]
         if self.split == 'test':
             raise SceneError(f'scene {scene_id}: KITTI keeps the labels of its test frames to itself; use split="val"')
-        objects = read_objects(self.folder / 'label_2' / f'{scene_id}.txt')
+        objects = read_objects(self._label_file(scene_id))
         return KittiAnnotation(tuple(objects), self._calib(scene_id), self._image_size(scene_id))
 
     def annotation(self, index: int) -> KittiAnnotation:
@@ -181,6 +186,9 @@ class KittiDataset(SceneDataset):
     def _in_range(self, boxes: Boxes3D) -> Boxes3D:
         centers, low, high = boxes.tensor[:, :2], self.point_range[:2], self.point_range[3:5]
         return boxes.select(np.flatnonzero(((centers >= low) & (centers < high)).all(axis=1)))
+
+    def _label_file(self, scene_id: str) -> Path:
+        return self.folder / 'label_2' / f'{scene_id}.txt'
 
     def _calib(self, scene_id: str) -> KittiCalib:
         return read_calib(self.folder / 'calib' / f'{scene_id}.txt')

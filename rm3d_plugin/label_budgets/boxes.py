@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
-from rm3d_plugin.storage.files import content_key, read_json, write_json
+from rm3d_plugin.storage.files import content_key
 from rm3d_plugin.structures import SceneError
 
 FORMAT_VERSION = 1
@@ -83,7 +82,7 @@ class BoxBudget:
     hash: str = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, 'hash', content_key('BoxBudget', FORMAT_VERSION, _content(self)))
+        object.__setattr__(self, 'hash', content_key('BoxBudget', FORMAT_VERSION, self.to_plain()))
 
     def rows(self, scene_id: str, boxes: int) -> tuple[int, ...]:
         """Revealed rows of a scene that has ``boxes`` boxes.
@@ -101,6 +100,18 @@ class BoxBudget:
                 f'has {boxes}; classes, range or data changed, draw the budget again'
             )
         return self.revealed[scene_id]
+
+    def to_plain(self) -> dict[str, Any]:
+        """Everything but the hash as plain JSON values."""
+        return {
+            'seed': self.seed,
+            'complete': self.complete,
+            'amount': {'per_scene': self.amount.per_scene, 'fraction': self.amount.fraction},
+            'revealed_per_class': {str(number): count for number, count in self.revealed_per_class.items()},
+            'total_per_class': {str(number): count for number, count in self.total_per_class.items()},
+            'boxes_per_scene': dict(self.boxes_per_scene),
+            'revealed': {name: list(rows) for name, rows in self.revealed.items()},
+        }
 
     @property
     def revealed_count(self) -> int:
@@ -226,7 +237,7 @@ def _pick(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int]:
     for number in served[::-1]:  # rarest first: the fewer boxes a class has, the fewer free scenes it can choose from
         own = np.flatnonzero(classes == number)
         take(int(min(own, key=lambda position: (used.get(int(scenes[position]), 0), position))))
-    left = [position for position in range(len(classes)) if position not in set(taken)]
+    left = np.setdiff1d(np.arange(len(classes)), taken).tolist()
     level = 1
     while len(taken) < count and left:
         later = []
@@ -242,58 +253,3 @@ def _pick(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int]:
 def _count(arrays: Sequence[np.ndarray]) -> dict[int, int]:
     numbers, counts = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *arrays]), return_counts=True)
     return dict(zip(numbers.tolist(), counts.tolist(), strict=True))
-
-
-# ---------------------------------------------------------------------- on disk
-
-
-def save_box_budget(path: str | Path, budget: BoxBudget) -> None:
-    """Write a budget as JSON, with its hash."""
-    write_json(path, {'format': FORMAT_VERSION, 'hash': budget.hash, **_content(budget)})
-
-
-def load_box_budget(path: str | Path) -> BoxBudget:
-    """Read a budget and check its hash.
-
-    Raises:
-        BudgetError: The file is missing, is no budget, or was altered.
-    """
-    try:
-        content = read_json(path)
-    except FileNotFoundError:
-        raise BudgetError(f'{path}: no such label budget; draw one with tools/draw_labels.py') from None
-    try:
-        if content['format'] != FORMAT_VERSION:
-            raise BudgetError(f'{path}: format {content["format"]}, expected {FORMAT_VERSION}; draw the budget again')
-        budget = _from_content(content)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise BudgetError(f'{path}: not a label budget ({error!r}); draw one with tools/draw_labels.py') from error
-    if budget.hash != content.get('hash'):
-        raise BudgetError(
-            f'{path}: was altered after it was drawn (hash {budget.hash}, written {content.get("hash")}); draw it again'
-        )
-    return budget
-
-
-def _content(budget: BoxBudget) -> dict[str, Any]:
-    return {
-        'seed': budget.seed,
-        'complete': budget.complete,
-        'amount': {'per_scene': budget.amount.per_scene, 'fraction': budget.amount.fraction},
-        'revealed_per_class': {str(number): count for number, count in budget.revealed_per_class.items()},
-        'total_per_class': {str(number): count for number, count in budget.total_per_class.items()},
-        'boxes_per_scene': dict(budget.boxes_per_scene),
-        'revealed': {name: list(rows) for name, rows in budget.revealed.items()},
-    }
-
-
-def _from_content(content: Mapping[str, Any]) -> BoxBudget:
-    return BoxBudget(
-        revealed={name: tuple(rows) for name, rows in content['revealed'].items()},
-        complete=content['complete'],
-        seed=content['seed'],
-        amount=BoxAmount(**content['amount']),
-        revealed_per_class={int(number): count for number, count in content['revealed_per_class'].items()},
-        total_per_class={int(number): count for number, count in content['total_per_class'].items()},
-        boxes_per_scene=content['boxes_per_scene'],
-    )

@@ -264,6 +264,15 @@ def test_bad_scenes_are_left_out_with_one_counted_warning(world):
         len(KittiDataset(world, bad_scenes='skip'))
 
 
+def test_a_box_without_size_names_the_file_of_labels(world):
+    path = world / 'training' / 'label_2' / '000001.txt'
+    words = path.read_text().splitlines()[0].split()
+    words[8] = '0'
+    path.write_text(' '.join(words) + '\n')
+    with pytest.raises(SceneError, match=r'000001\.txt: .*sizes must be positive, got 0.*remove the line'):
+        KittiDataset(world).load_truth(1)
+
+
 def test_labels_that_do_not_fit_the_scene_are_refused(world, tmp_path):
     dataset = KittiDataset(world, labels='store', label_store=tmp_path / 'store')
     with pytest.raises(LabelStoreError, match='no current round'):
