@@ -100,8 +100,8 @@ size = st.floats(0.1, 15)
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
-@given(number, number, number, size, size, size, st.floats(-np.pi, np.pi - 1e-9))
-def test_boxes_survive_the_way_to_the_camera_and_back(*row: float) -> None:
+@given(st.tuples(number, number, number, size, size, size, st.floats(-np.pi, np.pi - 1e-9)))
+def test_boxes_survive_the_way_to_the_camera_and_back(row: tuple[float, ...]) -> None:
     boxes = Boxes3D(np.array([row]), np.array([2]), np.array([0.5]))
     again = kf.objects_to_boxes(kf.boxes_to_objects(boxes, tilted_calib(), CLASSES), tilted_calib(), CLASSES)
     difference = again.tensor - boxes.tensor

@@ -76,7 +76,7 @@ def make_frame(seed: int, number: int, lidar: SpinningLidar) -> Frame:
     calib = demo_calib()
 
     def snap(user: RoadUser, x: float, y: float, z: float, yaw: float) -> tuple[Float[np.ndarray, '3'], float]:
-        return _snap(calib, x, y, z, yaw)
+        return snap_pose(calib, x, y, z, yaw)
 
     street = make_street(rng, snap)
     everything = join([placed.mesh for placed in street.placed] + street.background)
@@ -84,7 +84,7 @@ def make_frame(seed: int, number: int, lidar: SpinningLidar) -> Frame:
     returned = scan(everything, hits, lidar, rng)
     points = np.concatenate([returned.xyz, returned.intensity[:, None]], axis=1).astype(np.float32)
     rect = transform(points[:, :3], calib.rect_from_lidar)
-    objects = _label(street, hits.triangle, returned.triangle, lidar, rect, calib)
+    objects = label_street(street, hits.triangle, returned.triangle, lidar, rect, calib)
     return Frame(points, objects, calib)
 
 
@@ -204,7 +204,7 @@ def _make_one(root: Path, seed: int, lidar: SpinningLidar, number: int) -> None:
     write_frame(root, number, make_frame(seed, number, lidar))
 
 
-def _snap(calib: KittiCalib, x: float, y: float, z: float, yaw: float) -> tuple[Float[np.ndarray, '3'], float]:
+def snap_pose(calib: KittiCalib, x: float, y: float, z: float, yaw: float) -> tuple[Float[np.ndarray, '3'], float]:
     """The nearest pose that a label with two decimals in the camera frame can say."""
     rect = np.round(transform(np.array([x, y, z]), calib.rect_from_lidar), 2)
     ry = _wrapped(round(-yaw - np.pi / 2, 2))
@@ -216,7 +216,7 @@ def _wrapped(angle: float) -> float:
     return round(float(turned), 2)
 
 
-def _label(
+def label_street(
     street: Street,
     met: Int[np.ndarray, ' rays'],
     returned: Int[np.ndarray, ' points'],
@@ -246,7 +246,7 @@ def _label(
             continue
         seen = int(((met >= first) & (met < end)).sum())
         alone = count_hits(placed.mesh.corners, beams, lidar.max_range)
-        objects.append(replace(item, occluded=_occlusion(seen / alone)))
+        objects.append(replace(item, occluded=occlusion_level(seen / alone)))
     return sorted(objects, key=lambda item: item.type == DONT_CARE)
 
 
@@ -259,7 +259,7 @@ def count_inside(item: KittiObject, rect: Float[np.ndarray, 'points 3']) -> int:
     return int((inside & (rect[:, 1] <= item.y) & (rect[:, 1] >= item.y - item.h)).sum())
 
 
-def _occlusion(share: float) -> int:
+def occlusion_level(share: float) -> int:
     """KITTI's levels from the share of the beams that would meet the object if it stood alone."""
     return 0 if share > 0.8 else 1 if share > 0.45 else 2 if share > 0.15 else 3
 
