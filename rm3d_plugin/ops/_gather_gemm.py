@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from llvmlite import binding, ir
+from llvmlite import binding, ir  # type: ignore[import-untyped]
 from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -54,7 +54,7 @@ def gather_gemm(x: Array, weight: Array, pair_in: Array, pair_out: Array, starts
     threads = max(1, min(torch.get_num_threads(), n_out // BLOCK_ROWS))
     edges = [n_out * i // threads for i in range(threads + 1)]
     arguments = (out, np.ascontiguousarray(x), padded.reshape(-1), pair_in, pair_out, starts)
-    _in_threads(threads, threads, lambda i: _forward_rows(*arguments, edges[i], edges[i + 1]))
+    in_threads(threads, threads, lambda i: _forward_rows(*arguments, edges[i], edges[i + 1]))
     return out if out.shape[1] == channels else out[:, :channels].copy()
 
 
@@ -76,7 +76,7 @@ def gather_outer(x: Array, grad: Array, pair_in: Array, pair_out: Array, starts:
     parts = max(1, len(grad) // PART_ROWS)
     out = np.zeros((parts, len(starts) - 1, x.shape[1], padded.shape[1]), x.dtype)
     edges = [len(grad) * i // parts for i in range(parts + 1)]
-    _in_threads(
+    in_threads(
         parts,
         torch.get_num_threads(),
         lambda i: _outer_rows(out[i].reshape(-1), x, padded, pair_in, pair_out, starts, edges[i], edges[i + 1]),
@@ -94,7 +94,7 @@ def _pad_columns(array: Array) -> Array:
     return np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
 
-def _in_threads(count: int, threads: int, work: Callable[[int], None]) -> None:
+def in_threads(count: int, threads: int, work: Callable[[int], None]) -> None:
     if count == 1 or threads == 1:
         for i in range(count):
             work(i)

@@ -10,7 +10,7 @@ from jaxtyping import Int32, Int64
 from numba import njit
 from torch import Tensor
 
-from rm3d_plugin.ops.voxelize import AXIS_BITS, COORDINATE_LIMIT, pack_coords
+from rm3d_plugin.ops.voxelize import AXIS_BITS, COORDINATE_LIMIT, Array, pack_coords
 
 Triple = tuple[int, int, int]
 _REACH_LIMIT = 1 << 9
@@ -149,7 +149,7 @@ def _pairs_searched(keys: Tensor, anchors: Tensor, deltas: list[int]) -> tuple[T
 
 
 @njit(cache=True)
-def _pairs_merged(keys, anchors, deltas):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _pairs_merged(keys: Array, anchors: Array, deltas: Array) -> tuple[Array, Array, Array]:
     """Pairs by one merge of two sorted lists per offset: both lists are read in order, nothing is searched."""
     pair_in = np.empty(len(deltas) * len(anchors), np.int32)
     pair_out = np.empty(len(deltas) * len(anchors), np.int32)

@@ -2,10 +2,13 @@
 
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int64
+from numba import njit
 from torch import Tensor
 
+Array = np.ndarray[Any, Any]
 AXIS_BITS = 17
 BATCH_BITS = 12
 _HALF = 1 << (AXIS_BITS - 1)
@@ -60,7 +63,8 @@ def voxelize(
     keys = pack_coords(torch.cat([scenes[:, None], cells.long()], dim=1))
     unique_keys, point_to_voxel = torch.unique(keys, sorted=True, return_inverse=True)
     if reduce == 'mean':
-        rows = _segment_reduce(features, point_to_voxel, len(unique_keys), 'mean')
+        counts = torch.bincount(point_to_voxel, minlength=len(unique_keys))
+        rows = sum_rows(features, point_to_voxel, len(unique_keys)) / counts[:, None].to(features.dtype)
     else:
         order = torch.sort(point_to_voxel, stable=True).indices
         counts = torch.bincount(point_to_voxel, minlength=len(unique_keys))
@@ -89,12 +93,11 @@ def gather_rows(
     return _GatherRows.apply(features, index)  # type: ignore[no-untyped-call]
 
 
-def _segment_reduce(
-    rows: Float[Tensor, 'points channels'], index: Int64[Tensor, 'points'], segments: int, reduce: str
+def sum_rows(
+    features: Float[Tensor, 'points channels'], index: Int64[Tensor, 'points'], segments: int
 ) -> Float[Tensor, 'segments channels']:
-    lengths = torch.bincount(index, minlength=segments)
-    order = torch.sort(index, stable=True).indices
-    return torch.segment_reduce(gather_rows(rows, order), reduce, lengths=lengths, axis=0, initial=0)
+    """Sum of the rows of each segment, added in the order of the rows (torch's ``index_add_`` promises none)."""
+    return _SumRows.apply(features, index, segments)  # type: ignore[no-untyped-call]
 
 
 class _GatherRows(torch.autograd.Function):
@@ -107,10 +110,37 @@ class _GatherRows(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
         (index,) = ctx.saved_tensors
-        order = torch.sort(index, stable=True).indices
-        lengths = torch.bincount(index, minlength=ctx.rows)
-        sorted_grad = grad.index_select(0, order)
-        return torch.segment_reduce(sorted_grad, 'sum', lengths=lengths, axis=0, initial=0), None
+        return _ordered_sum(grad, index, ctx.rows), None
+
+
+class _SumRows(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, features: Tensor, index: Tensor, segments: int) -> Tensor:
+        ctx.save_for_backward(index)
+        return _ordered_sum(features, index, segments)
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None, None]:
+        (index,) = ctx.saved_tensors
+        return grad.index_select(0, index), None, None
+
+
+def _ordered_sum(rows: Tensor, index: Tensor, segments: int) -> Tensor:
+    if rows.device.type == 'cpu' and rows.dtype in (torch.float32, torch.float64):
+        out = rows.new_zeros((segments, rows.shape[1]))
+        _add_rows(out.numpy(), rows.contiguous().numpy(), index.numpy())
+        return out
+    order = torch.sort(index, stable=True).indices
+    lengths = torch.bincount(index, minlength=segments)
+    return torch.segment_reduce(rows.index_select(0, order), 'sum', lengths=lengths, axis=0, initial=0)
+
+
+@njit(cache=True, nogil=True)
+def _add_rows(out: Array, rows: Array, index: Array) -> None:
+    for i in range(len(index)):
+        target, row = out[index[i]], rows[i]
+        for c in range(len(row)):
+            target[c] += row[c]
 
 
 def _check_points(points: Tensor, features: Tensor, batch_offsets: Tensor, voxel_size: float, reduce: str) -> None:

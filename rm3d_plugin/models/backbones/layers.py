@@ -7,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from rm3d_plugin.ops.kernel_map import KernelSpec, VoxelLevel, triple
+from rm3d_plugin.ops.norm_relu import NormReLUResult, norm_relu
 from rm3d_plugin.ops.sparse_conv import sparse_conv
 
 
@@ -96,15 +97,31 @@ class NormReLU(nn.Module):
     def forward(self, values: Float[Tensor, 'voxels channels']) -> Float[Tensor, 'voxels channels']:
         """Rows of the same shape, none negative."""
         norm = self.norm
-        if self.training and len(values) == 1:
+        if not self.training:
+            return norm(values).relu()
+        if len(values) == 1:
             return nn.functional.batch_norm(
                 values, norm.running_mean, norm.running_var, norm.weight, norm.bias, False, 0.0, norm.eps
             ).relu()
-        return norm(values).relu()
+        if type(norm) is not nn.BatchNorm1d or values.device.type != 'cpu':
+            return norm(values).relu()  # such as a norm that was converted to synchronise over processes
+        result = norm_relu(values, norm.weight, norm.bias, norm.eps)
+        _update_running(norm, result, len(values))
+        return result.values
+
+
+def _update_running(norm: nn.BatchNorm1d, result: NormReLUResult, rows: int) -> None:
+    """Move the running statistics towards this batch, with the unbiased variance, as torch does."""
+    assert norm.running_mean is not None and norm.running_var is not None and norm.num_batches_tracked is not None
+    assert norm.momentum is not None
+    norm.num_batches_tracked += 1
+    with torch.no_grad():
+        norm.running_mean.lerp_(result.mean, norm.momentum)
+        norm.running_var.lerp_(result.variance * (rows / (rows - 1)), norm.momentum)
 
 
 class ResidualBlock(nn.Module):
-    """BN-ReLU-SubConv twice, added to the input (through a linear map where the width changes)."""
+    """BN-ReLU-SubConv twice, added to the input (through a 1x1x1 convolution where the width changes)."""
 
     def __init__(self, in_channels: int, out_channels: int, bn_eps: float, bn_momentum: float) -> None:
         super().__init__()
@@ -112,15 +129,14 @@ class ResidualBlock(nn.Module):
         self.conv1 = SparseConv(in_channels, out_channels)
         self.norm2 = NormReLU(out_channels, bn_eps, bn_momentum)
         self.conv2 = SparseConv(out_channels, out_channels)
-        self.shortcut = (
-            nn.Identity() if in_channels == out_channels else nn.Linear(in_channels, out_channels, bias=False)
-        )
+        # A kernel of one voxel instead of nn.Linear: its sums do not depend on the number of threads.
+        self.shortcut = nn.Identity() if in_channels == out_channels else SparseConv(in_channels, out_channels, 1)
 
     def forward(self, inputs: SparseFeatures) -> SparseFeatures:
         """Features on the same level."""
         hidden = self.conv1(inputs._replace(values=self.norm1(inputs.values)))
         hidden = self.conv2(hidden._replace(values=self.norm2(hidden.values)))
-        return hidden._replace(values=hidden.values + self.shortcut(inputs.values))
+        return hidden._replace(values=hidden.values + self.shortcut(inputs).values)
 
 
 def _kaiming_weight(offsets: int, in_channels: int, out_channels: int) -> nn.Parameter:

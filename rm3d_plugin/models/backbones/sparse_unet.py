@@ -1,6 +1,8 @@
 """Sparse U-Net (METHOD 7): per-point features from voxels, by submanifold convolutions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
 from typing import Literal, cast
 
 import torch
@@ -133,7 +135,23 @@ class _Stage(nn.Module):
     def _run(self, blocks: nn.ModuleList, inputs: SparseFeatures) -> SparseFeatures:
         for block in blocks:
             if self.checkpointing and self.training:
-                inputs = cast(SparseFeatures, checkpoint(block, inputs, use_reentrant=False))
+                contexts = partial(_recompute_contexts, block)
+                inputs = cast(SparseFeatures, checkpoint(block, inputs, use_reentrant=False, context_fn=contexts))
             else:
                 inputs = block(inputs)
         return inputs
+
+
+def _recompute_contexts(block: nn.Module) -> tuple[AbstractContextManager[None], AbstractContextManager[None]]:
+    return nullcontext(), _kept_buffers(block)
+
+
+@contextmanager
+def _kept_buffers(block: nn.Module) -> Iterator[None]:
+    """Undo what a recomputed forward does to running statistics: a batch counts once."""
+    before = [(buffer, buffer.clone()) for buffer in block.buffers()]
+    try:
+        yield
+    finally:
+        for buffer, value in before:
+            buffer.copy_(value)

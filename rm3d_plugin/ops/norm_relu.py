@@ -1,0 +1,154 @@
+"""Batch normalisation followed by ReLU over the rows of a matrix, in two passes and without storing the middle."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numba import njit
+from torch import Tensor
+
+from rm3d_plugin.ops._gather_gemm import Array, in_threads
+
+PART = 1 << 18  # elements per partial sum, about; partial sums are added in order, so threads change nothing
+STRIP = 512  # elements of an inner loop
+
+
+class NormReLUResult(NamedTuple):
+    """Output of :func:`norm_relu` with the statistics of the batch.
+
+    Attributes:
+        values: Rows of the input's shape, none negative.
+        mean: Mean per channel.
+        variance: Biased variance per channel.
+    """
+
+    values: Float[Tensor, 'rows channels']
+    mean: Float[Tensor, 'channels']
+    variance: Float[Tensor, 'channels']
+
+
+def norm_relu(
+    x: Float[Tensor, 'rows channels'], scale: Float[Tensor, 'channels'], shift: Float[Tensor, 'channels'], eps: float
+) -> NormReLUResult:
+    """``relu((x - mean) / sqrt(variance + eps) * scale + shift)`` with the statistics of these rows, on the CPU.
+
+    Sums run in float64 over blocks of fixed size: the same bits whatever the number of threads.
+
+    Args:
+        x: float32 or float64, at least one row.
+        scale: Factor per channel, learned.
+        shift: Term per channel, learned.
+        eps: Added to the variance.
+    """
+    values, mean, variance = _NormReLU.apply(x, scale, shift, eps)  # type: ignore[no-untyped-call]
+    return NormReLUResult(values, mean, variance)
+
+
+class _NormReLU(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, scale: Tensor, shift: Tensor, eps: float) -> tuple[Tensor, Tensor, Tensor]:
+        x = x.contiguous()
+        rows, gain = x.numpy(), scale.numpy().astype(np.float64)
+        sums = _channel_sums(_moments, rows)
+        mean = sums[0] / len(rows)
+        variance = np.maximum(sums[1] / len(rows) - mean**2, 0)
+        inverse_std = 1 / np.sqrt(variance + eps)
+        factor = _strip(inverse_std * gain, rows.dtype)
+        term = _strip(shift.numpy() - mean * inverse_std * gain, rows.dtype)
+        out = torch.empty_like(x)
+        _each_part(
+            rows, lambda begin, end: _scale_relu(out.numpy().reshape(-1), rows.reshape(-1), factor, term, begin, end)
+        )
+        ctx.save_for_backward(x, scale)
+        ctx.statistics = (mean, inverse_std, factor, term)
+        statistics = torch.from_numpy(mean).to(x.dtype), torch.from_numpy(variance).to(x.dtype)
+        ctx.mark_non_differentiable(*statistics)
+        return out, *statistics
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor, *_: Any) -> tuple[Tensor | None, ...]:
+        x, scale = ctx.saved_tensors
+        mean, inverse_std, factor, term = ctx.statistics
+        rows, slopes = x.numpy(), grad.contiguous().numpy().reshape(-1)
+        sums = _channel_sums(_grad_moments, rows, slopes, factor, term)
+        grad_shift = sums[0]
+        grad_scale = (sums[1] - mean * sums[0]) * inverse_std
+        gain = inverse_std * scale.numpy()
+        along = -gain * inverse_std * grad_scale / len(rows)
+        level = _strip(-gain * grad_shift / len(rows) - along * mean, rows.dtype)
+        constants = factor, term, _strip(along, rows.dtype), level
+        out = torch.empty_like(x)
+        flat = out.numpy().reshape(-1), rows.reshape(-1), slopes
+        _each_part(rows, lambda begin, end: _input_grad(*flat, *constants, begin, end))
+        return out, torch.from_numpy(grad_scale).to(scale.dtype), torch.from_numpy(grad_shift).to(scale.dtype), None
+
+
+def _strip(channels: Array, dtype: Any) -> Array:
+    """The values of a few rows side by side, so that the inner loops are long also where channels are few."""
+    return np.tile(channels, max(1, STRIP // len(channels))).astype(dtype)
+
+
+def _each_part(rows: Array, work: Callable[[int, int], None]) -> None:
+    """Call ``work(begin, end)`` for blocks of whole rows, counted in elements."""
+    step = _step(rows)
+    in_threads(-(-rows.size // step), torch.get_num_threads(), lambda i: work(i * step, min((i + 1) * step, rows.size)))
+
+
+def _step(rows: Array) -> int:
+    return max(1, PART // rows.shape[1]) * rows.shape[1]
+
+
+def _channel_sums(kernel: Callable[..., None], rows: Array, *others: Array) -> Array:
+    channels = rows.shape[1]
+    strip = len(_strip(np.zeros(channels), rows.dtype))
+    step = _step(rows)
+    sums = np.zeros((-(-rows.size // step), 2, strip))
+    _each_part(rows, lambda begin, end: kernel(sums[begin // step], rows.reshape(-1), *others, begin, end))
+    return sums.sum(axis=0).reshape(2, -1, channels).sum(axis=1)
+
+
+@njit(cache=True, nogil=True)
+def _moments(sums: Array, x: Array, begin: int, end: int) -> None:
+    first, second = sums[0], sums[1]
+    for start in range(begin, end, len(first)):
+        strip = x[start : min(start + len(first), end)]  # a slice: numba vectorises only indices known to be positive
+        for c in range(len(strip)):
+            value = np.float64(strip[c])
+            first[c] += value
+            second[c] += value * value
+
+
+@njit(cache=True, nogil=True)
+def _scale_relu(out: Array, x: Array, factor: Array, term: Array, begin: int, end: int) -> None:
+    for start in range(begin, end, len(factor)):
+        stop = min(start + len(factor), end)
+        strip, result = x[start:stop], out[start:stop]
+        for c in range(len(strip)):
+            value = strip[c] * factor[c] + term[c]
+            result[c] = x.dtype.type(0) if value < 0 else value  # NaN stays NaN
+
+
+@njit(cache=True, nogil=True)
+def _grad_moments(sums: Array, x: Array, grad: Array, factor: Array, term: Array, begin: int, end: int) -> None:
+    first, second = sums[0], sums[1]
+    for start in range(begin, end, len(factor)):
+        stop = min(start + len(factor), end)
+        strip, slopes = x[start:stop], grad[start:stop]
+        for c in range(len(strip)):
+            kept = np.float64(slopes[c] if strip[c] * factor[c] + term[c] > 0 else x.dtype.type(0))
+            first[c] += kept
+            second[c] += kept * np.float64(strip[c])
+
+
+@njit(cache=True, nogil=True)
+def _input_grad(
+    out: Array, x: Array, grad: Array, factor: Array, term: Array, along: Array, level: Array, begin: int, end: int
+) -> None:
+    for start in range(begin, end, len(factor)):
+        stop = min(start + len(factor), end)
+        strip, slopes, result = x[start:stop], grad[start:stop], out[start:stop]
+        for c in range(len(strip)):
+            kept = slopes[c] if strip[c] * factor[c] + term[c] > 0 else x.dtype.type(0)
+            result[c] = factor[c] * kept + along[c] * strip[c] + level[c]
