@@ -61,7 +61,7 @@ def _checked(name: str, points: np.ndarray) -> Float[np.ndarray, 'points 3']:
     bad = int((~np.isfinite(array).all(axis=1)).sum())
     if bad:
         raise ValueError(f'Octree: {name}: {bad} of {len(array)} rows are NaN or infinite; drop them first')
-    return array
+    return array if array.flags.writeable else array.copy()  # kernels are compiled for writable arrays only once
 
 
 def _checked_radii(r: float | np.ndarray, queries: int) -> Float[np.ndarray, ' queries']:
@@ -70,7 +70,7 @@ def _checked_radii(r: float | np.ndarray, queries: int) -> Float[np.ndarray, ' q
         raise ValueError(f'Octree: r: expected one radius or {queries} (one a query), got shape {radii.shape}')
     if not (np.isfinite(radii).all() and (radii >= 0).all()):
         raise ValueError(f'Octree: r: expected a radius in metres, got {radii.min() if radii.size else radii}')
-    return np.ascontiguousarray(np.broadcast_to(radii, (queries,)))
+    return np.array(np.broadcast_to(radii, (queries,)))  # writable: a read-only array would be compiled for anew
 
 
 class Octree:
