@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.rotated_iou import rotated_iou_bev
 from rm3d_plugin.pseudo_labels.box_fit import fit_footprint
-from rm3d_plugin.structures import Boxes3D
+from rm3d_plugin.structures import Boxes3D, Regions
 
 MAX_EXCESS = 1.35  # a group larger than this times its class's size is not one object; METHOD 7
 EXCESS_SLACK = 0.1  # m; measurement noise on top
@@ -104,6 +104,26 @@ def is_plausible(fit: BoxFit, prior: Float[np.ndarray, '3'], max_excess: float =
     return bool(horizontal.all() and fit.box[5] <= limit[2])
 
 
+def robust_extents(xyz: Float[np.ndarray, 'points 3'], regions: Regions) -> Float[np.ndarray, 'regions 3']:
+    """Extents of each region along its principal axes, metres, longest first, whatever a tenth of its points does.
+
+    The middle four fifths along each axis, stretched to the whole: exact for points spread evenly.
+    """
+    out = np.zeros((len(regions), 3))
+    for r in range(len(regions)):
+        points = xyz[regions.points_of(r)].astype(np.float64)
+        points -= np.median(points, axis=0)
+        _, axes = np.linalg.eigh(points.T @ points)
+        low, high = np.quantile(points @ axes, (0.1, 0.9), axis=0)
+        out[r] = np.sort((high - low) / 0.8)[::-1]
+    return out
+
+
+def region_tops(height: Float[np.ndarray, ' points'], regions: Regions) -> Float[np.ndarray, ' regions']:
+    """How high each region reaches above the ground, metres: the height that a tenth of its points exceeds."""
+    return np.array([np.quantile(height[regions.points_of(r)], 0.9) for r in range(len(regions))], dtype=np.float64)
+
+
 def geometric_background(
     extents: Float[np.ndarray, 'regions 3'],
     heights: Float[np.ndarray, ' regions'] | None,
@@ -114,7 +134,7 @@ def geometric_background(
 
     Args:
         extents: Extents of each region, metres, longest first.
-        heights: Highest point of each region above the ground, metres; None where the ground is unknown.
+        heights: How high each region reaches above the ground, metres; None where the ground is unknown.
         priors: Sizes of the object classes; NaN rows are ignored, and if there is no other nothing is background.
         ratio: How much larger than the usual size still passes; larger: less background.
     """

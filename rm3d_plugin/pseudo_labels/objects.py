@@ -21,15 +21,24 @@ class ObjectRules:
         max_excess: A group larger than this times its class's usual size is not one object.
         max_iou: Overlap from above that two boxes may have.
         background_ratio: A region larger or higher than this times every class's usual size is background.
+        part_share: Where this share of a region is confidently of another class than the rest, it is cut out; above 1:
+            regions stay whole.
     """
 
     min_points: int = 8
     max_excess: float = 1.35
     max_iou: float = 0.1
     background_ratio: float = 1.5
+    part_share: float = 0.25
 
     def __post_init__(self) -> None:
-        for name, low in (('min_points', 1), ('max_excess', 1), ('max_iou', 0), ('background_ratio', 1)):
+        for name, low in (
+            ('min_points', 1),
+            ('max_excess', 1),
+            ('max_iou', 0),
+            ('background_ratio', 1),
+            ('part_share', 0),
+        ):
             if not getattr(self, name) >= low:
                 raise ValueError(f'ObjectRules.{name}: expected at least {low}, got {getattr(self, name)!r}')
 

@@ -141,6 +141,60 @@ def label_groups(
     return GroupLabels(classes.astype(np.int64), confidence, known, mean)
 
 
+def split_mixed(
+    groups: GroupLabels,
+    point_groups: Int[np.ndarray, ' points'],
+    region_labels: Int[np.ndarray, ' points'],
+    probabilities: Float[np.ndarray, 'points classes'],
+    gamma: float,
+    min_share: float,
+    min_points: int,
+) -> tuple[GroupLabels, Int[np.ndarray, ' points']]:
+    """Cut out of each region the points that the network is sure are of another class than the region's group.
+
+    A region across two objects pools to a mean of which nobody is sure, and both would stay unlabelled. So rule (b) is
+    asked again for the part of a region whose every point is confident and of one class.
+
+    Args:
+        groups: Labels of the groups.
+        point_groups: Group of each point, -1 = none.
+        region_labels: Region of each point, -1 = none.
+        probabilities: (N, C) softmax; NaN or zero rows where the network saw nothing.
+        gamma: Confidence that each of these points needs.
+        min_share: Smallest share of a region's points that is cut out; smaller: more and noisier parts.
+        min_points: Fewest points of a part.
+
+    Returns:
+        The groups with one more for each part, and the group of each point.
+    """
+    best = np.nan_to_num(probabilities).argmax(axis=1)
+    sure = np.nan_to_num(probabilities[np.arange(len(best)), best]) >= gamma
+    closed = point_values(groups.from_truth, point_groups, True)  # true labels decided; or no region at all
+    other = point_values(groups.classes, point_groups, UNLABELLED) != best
+    inside = np.flatnonzero(sure & other & ~closed.astype(bool))
+    pairs, part, size = np.unique(
+        np.stack([region_labels[inside], best[inside]], axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    whole = np.bincount(region_labels[region_labels >= 0], minlength=int(pairs[:, 0].max(initial=-1)) + 1)
+    kept = (size >= min_points) & (size >= min_share * whole[pairs[:, 0]])
+    number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[part.reshape(-1)]
+    points, number = inside[number >= 0], number[number >= 0]
+    count = int(kept.sum())
+    own = np.zeros(len(best), dtype=np.int64)
+    own[points] = number
+    new_rows = pool_rows(probabilities, np.isin(np.arange(len(best)), points), own, count).values
+    classes = pairs[kept, 1]
+    extended = GroupLabels(
+        np.concatenate([groups.classes, classes]),
+        np.concatenate([groups.confidence, np.minimum(new_rows[np.arange(count), classes], 1.0)]),
+        np.concatenate([groups.from_truth, np.zeros(count, dtype=bool)]),
+        np.concatenate([groups.probabilities, new_rows]),
+    )
+    out = point_groups.copy()
+    out[points] = len(groups.classes) + number
+    return extended, out
+
+
 def point_values(values: np.ndarray, labels: Int[np.ndarray, ' points'], missing: float) -> np.ndarray:
     """The value of each point's region (or group); ``missing`` for points of none."""
     return np.append(values, np.array([missing], dtype=values.dtype))[labels]

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
-from rm3d_plugin.pseudo_labels.boxes import geometric_background
+from rm3d_plugin.pseudo_labels.boxes import geometric_background, region_tops, robust_extents
 from rm3d_plugin.pseudo_labels.objects import EarlierObjects, ObjectRules, Objects, find_objects
 from rm3d_plugin.pseudo_labels.propagate import (
     GroupLabels,
@@ -16,12 +16,14 @@ from rm3d_plugin.pseudo_labels.propagate import (
     point_values,
     pool_rows,
     seen_rows,
+    split_mixed,
 )
 from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_by_boxes, known_points, known_regions
 from rm3d_plugin.regions import MergeResult, MergeStrategy, merge
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, RegionGraph, Regions
 
 BACKGROUND_CONFIDENCE = 0.9  # of what geometry alone calls background
+GROUND_HEIGHT = 0.15  # m; points of no region that are lower than this above ground are ground
 BOX_REGION_SHARE = 0.5  # share of a region that a revealed box must hold to name it
 
 
@@ -100,7 +102,8 @@ def refresh_detection(
     _check_rows(len(xyz), regions=regions.labels, weak=weak, height_above_ground=height_above_ground)
     truth = known_by_boxes(xyz, weak, background)
     grouped = _group(regions, graph, truth, probabilities, centers, strategy, round, _pad(class_counts, background + 1))
-    huge = _background_points(regions, graph, priors, height_above_ground, rules) & (truth.seeds < 0)
+    grouped = _split(grouped, regions, probabilities, strategy, rules)
+    huge = _background_points(xyz, regions, priors, height_above_ground, rules) & (truth.seeds < 0)
     draft = _overlay(_draft(grouped), huge | truth.shell, background, BACKGROUND_CONFIDENCE)
     supported = _supported(previous, grouped, strategy)
     free = (truth.semantic < 0) & ~huge & ~truth.shell
@@ -216,6 +219,27 @@ def _group(
     return _Grouped(result, groups, point_values(result.group, regions.labels, -1))
 
 
+def _split(
+    grouped: _Grouped,
+    regions: Regions,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+    strategy: MergeStrategy,
+    rules: ObjectRules,
+) -> _Grouped:
+    if probabilities is None or rules.part_share > 1:
+        return grouped
+    groups, points = split_mixed(
+        grouped.groups,
+        grouped.points,
+        regions.labels,
+        probabilities,
+        strategy.gamma,
+        rules.part_share,
+        rules.min_points,
+    )
+    return _Grouped(grouped.merge, groups, points)
+
+
 def _draft(grouped: _Grouped) -> _Draft:
     return _Draft(
         point_values(grouped.groups.classes, grouped.points, UNLABELLED),
@@ -233,19 +257,17 @@ def _overlay(
 
 
 def _background_points(
+    xyz: Float[np.ndarray, 'points 3'],
     regions: Regions,
-    graph: RegionGraph,
     priors: Float[np.ndarray, 'classes 3'],
     height: Float[np.ndarray, ' points'] | None,
     rules: ObjectRules,
 ) -> Bool[np.ndarray, ' points']:
-    """Points of the regions that geometry alone calls background."""
-    tops = None
-    if height is not None:
-        tops = np.full(len(regions), -np.inf)
-        np.maximum.at(tops, regions.labels[regions.indices], height[regions.indices])
-    huge = geometric_background(graph.extents, tops, priors, rules.background_ratio)
-    return np.asarray(point_values(huge, regions.labels, False), dtype=bool)
+    """Points that geometry alone calls background: of huge regions, and of no region but on the ground."""
+    tops = None if height is None else region_tops(height, regions)
+    huge = geometric_background(robust_extents(xyz, regions), tops, priors, rules.background_ratio)
+    found = point_values(huge, regions.labels, False).astype(bool)
+    return found if height is None else np.asarray(found | ((regions.labels < 0) & (height < GROUND_HEIGHT)))
 
 
 def _supported(
