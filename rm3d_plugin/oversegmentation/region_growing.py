@@ -1,7 +1,7 @@
 """Region growing on points: Algorithm 1 with Conditions 1 and 2 (METHOD 5)."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, final
+from typing import Any, Literal, NamedTuple, Self, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,6 +17,20 @@ from rm3d_plugin.oversegmentation.base import Oversegmenter
 from rm3d_plugin.registry import OVERSEGMENTERS
 from rm3d_plugin.structures import Descriptors, PointCloud
 
+PRESETS: dict[str, dict[str, Any]] = {
+    # Rooms at 1 to 5 cm between points: at 0.02 some rooms leak from wall to wall around an edge, at 0.015 none did.
+    'indoor': {'zeta': 0.015},
+    # A spinning lidar on a street: objects stand apart, so curvature may vary more than indoors; the reach follows the
+    # distance between scan lines. On 12 KITTI frames 90 % of an object (50 points or more) lie in 1.9 regions.
+    'lidar': {
+        'threshold': 0.9,
+        'zeta': 0.05,
+        'min_region': 30,
+        'max_edge': 0.2,  # m
+        'range_growth': 0.01,
+        'ground': {},
+    },
+}
 BLOCK = 4096  # points whose links one thread decides at a time
 
 
@@ -230,6 +244,13 @@ class RegionGrowing(Oversegmenter):
         self.max_edge = max_edge
         self.range_growth = range_growth
         self.normal_neighbors = normal_neighbors
+
+    @classmethod
+    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
+        """The over-segmenter with the numbers that suit a kind of scene, see ``PRESETS``."""
+        if name not in PRESETS:
+            raise ValueError(f'RegionGrowing.preset: expected one of {sorted(PRESETS)}, got {name!r}')
+        return cls(**PRESETS[name])
 
     def partition(
         self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
