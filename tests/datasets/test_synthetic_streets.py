@@ -14,8 +14,8 @@ from rm3d_plugin.datasets.synthetic import kitti_writer, make_streets, road_user
 from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar, cast, count_hits, directions, make_beams, scan
 
 COARSE = SpinningLidar(azimuth_step=2.0)
-SCAN_HASH = '61c9f977eafc01cde9680eaf8c3b52878a4830eded99c130081c41c009e4e555'
-LABEL_HASH = '8c017df9ae9e2bd8a9a919ae3b02bd32fbd339778d55f58121d7b668dcb2c738'
+SCAN_HASH = '8f00e2de0c45e0f0a16e34ba3fe6410c326398a099c5139f76674310d8383a03'
+LABEL_HASH = '24ac58d66128a9d0f1d96dd2272c2c66f6a48e0df607d2e90962c1fb7997d6ff'
 QUIET = SpinningLidar(azimuth_step=2.0, range_noise=0.0, lost=0.0)
 
 

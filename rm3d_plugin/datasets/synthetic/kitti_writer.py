@@ -28,7 +28,7 @@ from rm3d_plugin.datasets.synthetic.road_users import RoadUser
 from rm3d_plugin.datasets.synthetic.shapes import cos_sin, join
 from rm3d_plugin.datasets.synthetic.streets import Placed, Street, make_street
 
-VERSION = 1  # raise whenever the bytes of a frame change
+VERSION = 2  # raise whenever the bytes of a frame change
 MARKER = 'demo.json'
 FAR = 66.0  # m; further objects are DontCare
 README = """This folder is SYNTHETIC. rm3d_plugin made it: parametric streets, scanned by a virtual lidar of 64 beams.
@@ -169,7 +169,10 @@ def _read_marker(root: Path) -> dict[str, object] | None:
     path = root / MARKER
     if not path.is_file():
         return None
-    content = json.loads(path.read_text(encoding='utf-8'))
+    try:
+        content = json.loads(path.read_text(encoding='utf-8'))
+    except json.JSONDecodeError as error:
+        raise ValueError(f'{path}: not JSON ({error}); delete {root} to make it afresh') from None
     return content if isinstance(content, dict) else None
 
 

@@ -126,7 +126,7 @@ def pedestrian(rng: np.random.Generator) -> RoadUser:
             tube(knee, foot, (0.075, 0.06), trousers),
             box((foot[0] + 0.06, foot[1], 0.04), (0.26, 0.09, 0.08), 0.1),
         ]
-        spread = side * pick(rng, 0.24, 0.34) * broad
+        spread = side * pick(rng, 0.2, 0.27) * broad
         elbow = (-0.45 * reach, spread, 0.63 * height)
         hand = (-0.8 * reach + pick(rng, 0.0, 0.16), spread, 0.49 * height)
         parts += [tube((0.0, side * 0.19 * broad, shoulder - 0.03), elbow, (0.075, 0.065), coat)]
@@ -173,9 +173,9 @@ def cyclist(rng: np.random.Generator) -> RoadUser:
             tube(knee, foot, (0.075, 0.06), trousers),
             box((foot[0] + 0.05, foot[1], foot[2] - 0.04), (0.25, 0.09, 0.08), 0.1),
         ]
-        hand = (0.42, side * 0.25, 1.03)
-        elbow = (0.5 * (hand[0] + shoulder[0]) - 0.06, side * 0.27, 0.5 * (hand[2] + shoulder[1]) - 0.08)
-        parts += [tube((shoulder[0], side * 0.18, shoulder[1] - 0.04), elbow, (0.075, 0.065), coat)]
+        hand = (0.42, side * 0.2, 1.03)
+        elbow = (0.5 * (hand[0] + shoulder[0]) - 0.06, side * 0.22, 0.5 * (hand[2] + shoulder[1]) - 0.08)
+        parts += [tube((shoulder[0], side * 0.17, shoulder[1] - 0.04), elbow, (0.075, 0.065), coat)]
         parts += [tube(elbow, hand, (0.06, 0.05), coat)]
     body = join(parts)
     return fitted('Cyclist', body.moved((0.0, 0.0, 0.0), scale=(size, 1.0, size)))
@@ -201,7 +201,7 @@ def bicycle(rng: np.random.Generator) -> Mesh:
         thick = np.stack([-s * 0.008, np.zeros(6), c * 0.008], axis=1)
         middle = np.broadcast_to(np.asarray(hub), rim.shape)
         parts.append(mesh(np.stack([middle, rim + thick, rim - thick], axis=1), 0.4))
-    parts.append(tube((0.4, -0.28, 1.02), (0.4, 0.28, 1.02), (0.02, 0.02), steel, sides=4))
+    parts.append(tube((0.4, -0.25, 1.02), (0.4, 0.25, 1.02), (0.02, 0.02), steel, sides=4))
     parts.append(box((-0.24, 0.0, 0.93), (0.26, 0.14, 0.06), 0.1))
     return join(parts)
 

@@ -178,7 +178,7 @@ def _park_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     """Rows along the kerbs with gaps of 0.7 to 2 m, slots empty by chance, now and then a car askew."""
     road = street.road
     for parked, kerb, inward in ((road.parked_left, road.left, -1.0), (road.parked_right, road.right, 1.0)):
-        filled = pick(rng, 0.1, 0.5)
+        filled = pick(rng, 0.1, 0.46)
         x = pick(rng, 0.5, 8.0)
         while parked and x < 62:
             user = _any_car(rng)
@@ -224,7 +224,7 @@ def _ride_bicycles(street: Street, rng: np.random.Generator, snap: Snap) -> None
 def _walk_people(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     """On the pavements, some side by side, some crossing the road."""
     road = street.road
-    for _ in range(1 + int(rng.random() * 3.8)):
+    for _ in range(1 + int(rng.random() * 4)):
         x = _ahead(rng)
         side = road.left if rng.random() < 0.5 else road.right
         offset = side + float(np.sign(side)) * pick(rng, 0.5, road.pavement - 0.3)
@@ -232,7 +232,7 @@ def _walk_people(street: Street, rng: np.random.Generator, snap: Snap) -> None:
         if rng.random() < 0.25:
             offset, turn = pick(rng, road.right, road.left), pick(rng, -np.pi, np.pi)
         street.add_user(road_users.pedestrian(rng), x, offset, turn, snap, gap=0.02)
-        if rng.random() < 0.25:
+        if rng.random() < 0.35:
             beside = offset + pick(rng, 0.75, 0.95)
             street.add_user(road_users.pedestrian(rng), x + pick(rng, -0.3, 0.3), beside, turn, snap, gap=0.02)
 
