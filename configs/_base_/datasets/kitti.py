@@ -2,6 +2,7 @@
 data_root = 'data/kitti'
 classes = ['Car', 'Pedestrian', 'Cyclist']
 point_range = [0.0, -40.0, -3.0, 70.4, 40.0, 1.0]  # m, lidar frame: x, y, z least, then greatest
+paste_objects = 8  # labelled objects of other frames copied into each training frame
 bad_scenes = 'error'  # 'skip' leaves unusable frames out, with a counted warning
 
 train_dataloader = dict(
@@ -22,6 +23,7 @@ train_dataloader = dict(
         bad_scenes='${bad_scenes}',
         seed='${seed}',
         pipeline=[
+            dict(type='LabelledObjectPaste', max_objects='${paste_objects}'),
             dict(type='DropGround'),
             dict(type='RandomFlipY', prob=0.5),
             dict(type='GlobalRotScale', rot=[-0.785, 0.785], scale=[0.95, 1.05]),

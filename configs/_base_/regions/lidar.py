@@ -31,4 +31,5 @@ custom_hooks = [
     ),
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),
+    dict(type='ReportHook'),
 ]

@@ -1,34 +1,90 @@
-"""Copying labelled objects of other scenes into this one."""
+"""Copying labelled objects of other scenes into this one: few labels, seen in many places."""
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
+from rm3d_plugin.datasets.transforms.geometric import turned
 from rm3d_plugin.datasets.transforms.points import POINT_FIELDS, select_points
 from rm3d_plugin.ops.boxes import points_in_boxes, rotated_overlap_bev
+from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS
 
 FLOOR = 0.3  # m; the lowest part of a box, where ground points are no collision
+TRIES = 4  # places tried for an object before it is given up
 
 
 class LabelledObject(NamedTuple):
-    """One truly labelled box (7,), its class, and the points (n, channels) in it."""
+    """One truly labelled box (7,), its class, and the points (n, channels) in it, ground left out."""
 
     box: Float[np.ndarray, '7']
     label: int
     points: Float[np.ndarray, 'points channels']
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where an object may be put, seen from a sensor at the origin.
+
+    It turns around the sensor, so that the sensor goes on seeing the same faces, and moves away from it, losing points
+    as the square of the distance; it never comes nearer, where points would be missing.
+
+    Attributes:
+        bearing: Least and greatest direction, radians from +x.
+        farther: Greatest factor of the distance; 1: it keeps its distance.
+        max_range: Greatest distance, metres.
+    """
+
+    bearing: tuple[float, float] = (-0.7, 0.7)
+    farther: float = 2.0
+    max_range: float = 65.0
+
+
 def revealed_objects(results: dict[str, Any], min_points: int = 5) -> list[LabelledObject]:
-    """The objects of a scene whose boxes the budget revealed, with at least ``min_points`` points."""
+    """The objects of a scene whose boxes the budget revealed, with at least ``min_points`` points above the ground."""
     boxes, found = results['boxes'], []
     inside = points_in_boxes(results['points'][:, :3], boxes)
+    inside[segment_ground(results['points'][:, :3]).is_ground] = -1
     for row in np.flatnonzero(results['box_is_true']):
         points = results['points'][inside == row]
         if len(points) >= min_points:
             found.append(LabelledObject(boxes[row], int(results['box_labels'][row]), points))
     return found
+
+
+def moved(item: LabelledObject, places: Places, rng: np.random.Generator) -> LabelledObject:
+    """The same object at a random place, perhaps mirrored, with the fewer points of its new distance."""
+    box, points = item.box.copy(), item.points.astype(np.float64)
+    if rng.random() < 0.5:
+        box[[1, 6]] *= -1
+        points[:, 1] *= -1
+    distance = float(np.hypot(box[0], box[1]))
+    target = min(distance * rng.uniform(1.0, places.farther), max(places.max_range, distance))
+    bearing = rng.uniform(*places.bearing)
+    turn = bearing - float(np.arctan2(box[1], box[0]))
+    away = (target - distance) * np.array([np.cos(bearing), np.sin(bearing), 0.0])
+    box[:3], points[:, :3] = turned(box[None, :3], turn)[0] + away, turned(points[:, :3], turn) + away
+    box[6] = (box[6] + turn + np.pi) % (2 * np.pi) - np.pi
+    kept = rng.random(len(points)) < (distance / max(target, 1e-6)) ** 2
+    return LabelledObject(box, item.label, points[kept].astype(np.float32))
+
+
+def put_on_ground(item: LabelledObject, xyz: np.ndarray, height: np.ndarray) -> LabelledObject:
+    """The object moved up or down until it stands on the ground of the scene.
+
+    Args:
+        item: The object.
+        xyz: Points of the scene, metres.
+        height: Their height above the ground, metres.
+    """
+    nearest = int(np.argmin(np.square(xyz[:, :2] - item.box[:2]).sum(axis=1)))
+    shift = float(xyz[nearest, 2] - height[nearest]) - (item.box[2] - item.box[5] / 2)
+    box, points = item.box.copy(), item.points.copy()
+    box[2] += shift
+    points[:, 2] += np.float32(shift)
+    return LabelledObject(box, item.label, points)
 
 
 def is_free(results: dict[str, Any], box: Float[np.ndarray, '7']) -> bool:
@@ -54,8 +110,9 @@ def paste(results: dict[str, Any], item: LabelledObject) -> dict[str, Any]:
         'semantic': np.full(n, item.label),
         'instance': np.full(n, row),
         'is_true': np.ones(n, dtype=bool),
+        'is_ground': np.zeros(n, dtype=bool),
     }
-    out = results | {name: np.concatenate([results[name], new[name]]) for name in POINT_FIELDS}
+    out = results | {name: np.concatenate([results[name], new[name]]) for name in POINT_FIELDS if name in results}
     out['boxes'] = np.concatenate([results['boxes'], item.box[None]])
     out['box_labels'] = np.append(results['box_labels'], item.label)
     out['box_is_true'] = np.append(results['box_is_true'], True)
@@ -64,41 +121,62 @@ def paste(results: dict[str, Any], item: LabelledObject) -> dict[str, Any]:
 
 @TRANSFORMS.register_module()
 class LabelledObjectPaste:
-    """Paste truly labelled objects of other scenes where there is room; labels='store' only.
+    """Paste truly labelled objects where there is room; labels='store' only. Comes first in the pipeline.
 
-    Nothing but the label store is asked what is labelled, so nothing hidden can leak. Comes first in the pipeline.
+    Classes are drawn alike, however few objects they have. Nothing but the label store is asked what is labelled, so
+    nothing hidden can leak.
 
     Args:
         max_objects: Most objects to paste into a scene.
-        scenes: Scenes to draw objects from, a scene; each is read from the disk, so more is slower.
+        max_bank: Most objects to choose from; more cost memory.
         min_points: Objects with fewer points are not worth pasting.
+        places: Fields of :class:`Places`.
     """
 
-    def __init__(self, max_objects: int = 10, scenes: int = 3, min_points: int = 5) -> None:
-        if min(max_objects, scenes, min_points) < 1:
-            raise ValueError(f'LabelledObjectPaste: numbers start at 1, got {max_objects}, {scenes}, {min_points}')
-        self.max_objects = max_objects
-        self.scenes = scenes
-        self.min_points = min_points
+    def __init__(
+        self, max_objects: int = 8, max_bank: int = 2000, min_points: int = 5, places: dict[str, Any] | None = None
+    ) -> None:
+        if min(max_objects, max_bank, min_points) < 1:
+            raise ValueError(f'LabelledObjectPaste: numbers start at 1, got {max_objects}, {max_bank}, {min_points}')
+        self.max_objects, self.max_bank, self.min_points = max_objects, max_bank, min_points
+        self.places = Places(**(places or {}))
+        self._bank: list[list[LabelledObject]] | None = None
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
-        """Draw scenes, then paste their objects one by one where they fit."""
-        dataset, rng = results['dataset'], results['rng']
-        if dataset.labels != 'store':
-            raise ValueError(f"LabelledObjectPaste needs a data set with labels='store', got {dataset.labels!r}")
-        labelled = dataset.label_store.scenes()
-        others: Int[np.ndarray, ' scenes'] = np.flatnonzero(_has_objects(dataset.scene_ids, labelled))
-        others = others[others != results['index']]
-        objects: list[LabelledObject] = []
-        for index in rng.permutation(others)[: self.scenes]:
-            objects += revealed_objects(dataset.raw(int(index)), self.min_points)
-        pasted = 0
-        for number in rng.permutation(len(objects)):
-            if pasted < self.max_objects and is_free(results, objects[number].box):
-                results = paste(results, objects[number])
-                pasted += 1
+        """Draw a class, one of its objects and a place, until there are enough."""
+        rng = results['rng']
+        bank = self._objects(results['dataset'])
+        if not bank:
+            return results
+        ground = segment_ground(results['points'][:, :3])
+        xyz, height = results['points'][:, :3], ground.height
+        results = results | {'is_ground': ground.is_ground}
+        for _ in range(self.max_objects):
+            of_class = bank[int(rng.integers(len(bank)))]
+            item = of_class[int(rng.integers(len(of_class)))]
+            for _ in range(TRIES):
+                candidate = put_on_ground(moved(item, self.places, rng), xyz, height)
+                if len(candidate.points) >= self.min_points and is_free(results, candidate.box):
+                    results = paste(results, candidate)
+                    break
         return results
 
+    def _objects(self, dataset: Any) -> list[list[LabelledObject]]:
+        """Objects by class, read once: what the budget reveals does not change from round to round."""
+        if dataset.labels != 'store':
+            raise ValueError(f"LabelledObjectPaste needs a data set with labels='store', got {dataset.labels!r}")
+        if self._bank is None:
+            found: list[LabelledObject] = []
+            for index in _with_objects(dataset):
+                found += revealed_objects(dataset.raw(int(index)), self.min_points)
+                if len(found) >= self.max_bank:
+                    break
+            by_class = [[item for item in found if item.label == c] for c in range(len(dataset.classes))]
+            self._bank = [objects for objects in by_class if objects]
+        return self._bank
 
-def _has_objects(scene_ids: tuple[str, ...], labelled: dict[str, Any]) -> Bool[np.ndarray, ' scenes']:
-    return np.array([name in labelled and labelled[name].true_boxes > 0 for name in scene_ids], dtype=bool)
+
+def _with_objects(dataset: Any) -> Int[np.ndarray, ' scenes']:
+    labelled = dataset.label_store.scenes()
+    has = [name in labelled and labelled[name].true_boxes > 0 for name in dataset.scene_ids]
+    return np.flatnonzero(np.array(has, dtype=bool))

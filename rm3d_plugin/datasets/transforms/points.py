@@ -8,7 +8,7 @@ from jaxtyping import Int
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS
 
-POINT_FIELDS = ('points', 'point_index', 'semantic', 'instance', 'is_true')  # arrays with one row a point
+POINT_FIELDS = ('points', 'point_index', 'semantic', 'instance', 'is_true', 'is_ground')  # arrays with one row a point
 
 
 def select_points(results: dict[str, Any], index: np.ndarray) -> dict[str, Any]:
@@ -68,6 +68,8 @@ class DropGround:
         self.iterations = iterations
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
-        """Segment, then select."""
-        ground = segment_ground(results['points'][:, :3], iterations=self.iterations, **self.options).is_ground
+        """Segment (where an earlier transform did not), then select."""
+        ground = results.get('is_ground')
+        if ground is None:
+            ground = segment_ground(results['points'][:, :3], iterations=self.iterations, **self.options).is_ground
         return results if ground.all() else select_points(results, ~ground)

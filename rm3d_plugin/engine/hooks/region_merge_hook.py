@@ -1,5 +1,6 @@
 """Regenerates the pseudo labels every sigma epochs."""
 
+import time
 from typing import Any
 
 import numpy as np
@@ -37,22 +38,27 @@ class RegionMergeHook(Hook):
         self.interval = interval
         self.rounds = rounds
         self.dataloader = dataloader
+        self.seconds = 0.0  # spent on labels by this process
         self.labeler: SceneLabeler = TASK_UTILS.build(labeler) if isinstance(labeler, dict) else labeler
 
     def before_train(self, runner: Runner) -> None:
         """Prepare the geometry, make the first labels, and tell the model the sizes of the revealed boxes."""
+        began = time.perf_counter()
         self.dataloader = runner.build_dataloader(self.dataloader, seed=runner.seed)
         if is_main_process():
             self.labeler.start(keep=runner.epoch > 0, log=runner.logger.info)
         barrier()
         self.labeler.inform(_unwrapped(runner.model))
+        self.seconds += time.perf_counter() - began
 
     def before_train_epoch(self, runner: Runner) -> None:
         """Refresh the labels when a round begins; point the store at the round of this epoch."""
         number = min(runner.epoch // self.interval, self.rounds - 1)
         starts = runner.epoch % self.interval == 0
         if number and starts and not self.labeler.is_finished(number):
+            began = time.perf_counter()
             self._refresh(runner, number)
+            self.seconds += time.perf_counter() - began
         barrier()
         self.labeler.use(number)
 
