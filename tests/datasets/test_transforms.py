@@ -24,7 +24,7 @@ from rm3d_plugin.datasets.transforms import (
 )
 from rm3d_plugin.datasets.transforms.augmented_view import elastic_shift
 from rm3d_plugin.datasets.transforms.geometric import wrap_yaw
-from rm3d_plugin.datasets.transforms.paste import is_free, paste, revealed_objects
+from rm3d_plugin.datasets.transforms.paste import Places, is_free, moved, paste, put_on_ground, revealed_objects
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.registry import TRANSFORMS
 
@@ -258,31 +258,56 @@ def test_wrong_settings_are_refused(options):
 
 # ---------------------------------------------------------------------- pasting objects
 
+CAR = np.array([10.0, 0, -0.95, 4, 2, 1.5, 0.2])  # stands on the ground at -1.7
 
-def test_only_revealed_boxes_are_objects():
-    results = item(40, boxes=np.array([BOX, BOX + [10, 0, 0, 0, 0, 0, 0]]))
-    results['points'][20:26, :3] = BOX[:3] + [10, 0, 0]
-    results['box_is_true'] = np.array([True, False])
-    objects = revealed_objects(results)
-    assert [len(found.points) for found in objects] == [20]
-    assert revealed_objects(results, min_points=21) == []
+
+def street(boxes, revealed=None, seed=0, height=0.0):
+    """Level ground 60 m ahead, 1.7 m under the sensor (``height`` lifts all), and 40 points on each box's roof."""
+    rng = np.random.default_rng(seed)
+    ground = np.c_[rng.uniform(0, 60, 6000), rng.uniform(-30, 30, 6000), np.full(6000, -1.7)]
+    boxes = np.asarray(boxes, dtype=np.float64).reshape(-1, 7) + [0, 0, height, 0, 0, 0, 0]
+    roofs = [np.c_[box[:2] + rng.uniform(-0.7, 0.7, size=(40, 2)), np.full(40, box[2] + 0.7)] for box in boxes]
+    xyz = np.concatenate([ground + [0, 0, height], *roofs])
+    inside = points_in_boxes(xyz, boxes)
+    return {
+        'scene_id': 's',
+        'index': 0,
+        'num_points': len(xyz),
+        'points': np.c_[xyz, rng.random(len(xyz))].astype(np.float32),
+        'point_index': np.arange(len(xyz)),
+        'semantic': np.where(inside >= 0, 1, -1),
+        'instance': inside,
+        'is_true': inside >= 0,
+        'boxes': boxes,
+        'box_labels': np.ones(len(boxes), dtype=np.int64),
+        'box_is_true': np.ones(len(boxes), dtype=bool) if revealed is None else np.array(revealed),
+        'rng': np.random.default_rng(seed + 100),
+    }
+
+
+def test_only_revealed_boxes_are_objects_and_ground_is_no_part_of_them():
+    results = street([CAR, CAR + [15, 5, 0, 0, 0, 0, 0]], revealed=[True, False])
+    found = revealed_objects(results)
+    assert len(found) == 1
+    np.testing.assert_array_equal(found[0].box, CAR)
+    np.testing.assert_array_equal(found[0].points, results['points'][6000:6040])
+    assert revealed_objects(results, min_points=41) == []
 
 
 def test_pasting_by_hand():
-    target, box = item(40, boxes=np.zeros((0, 7))), np.array([50.0, 0, 0, 4, 2, 1.5, 0])
-    target['points'][7, :3] = [50, 0, -0.7]  # ground within the box
-    other = item(10)
-    source = revealed_objects(other)[0]._replace(box=box)
+    target, box = street([]), np.array([40.0, 0, -1.0, 4, 2, 1.5, 0])  # 5 cm into the ground
+    in_box = points_in_boxes(target['points'][:, :3], box[None]) >= 0
+    assert in_box.any()
+    source = revealed_objects(street([CAR]))[0]._replace(box=box)
     assert is_free(target, box)
     out = paste(target, source)
-    assert len(out['points']) == 39 + 5
-    assert out['point_index'][-5:].tolist() == [-1] * 5
-    assert 7 not in out['point_index']
-    assert out['instance'][-5:].tolist() == [0] * 5
-    assert out['semantic'][-5:].tolist() == [1] * 5
-    assert out['is_true'][-5:].all()
+    assert len(out['points']) == 6000 - in_box.sum() + 40
+    assert out['point_index'].tolist() == np.flatnonzero(~in_box).tolist() + [-1] * 40
+    assert out['instance'][-40:].tolist() == [0] * 40
+    assert out['semantic'][-40:].tolist() == [1] * 40
+    assert out['is_true'][-40:].all()
     np.testing.assert_array_equal(out['boxes'], box[None])
-    np.testing.assert_array_equal(out['points'][-5:], source.points)
+    np.testing.assert_array_equal(out['points'][-40:], source.points)
     assert out['box_labels'].tolist() == [1]
     assert out['box_is_true'].tolist() == [True]
     assert not is_free(out, box)
@@ -290,37 +315,87 @@ def test_pasting_by_hand():
 
 
 def test_a_place_with_points_or_a_box_is_taken():
-    target = item(40, boxes=np.zeros((0, 7)))
-    far = np.array([50.0, 0, 0, 4, 2, 1.5, 0])
-    target['points'][7, :3] = [50, 0, 0]  # some object nobody labelled
+    target = street([])
+    target['points'][7, :3] = [40, 0, -0.5]  # some object nobody labelled
+    far = np.array([40.0, 0, -0.95, 4, 2, 1.5, 0])
     assert not is_free(target, far)
-    boxed = item(40, boxes=far[None] + [0, 1.9, 9, 0, 0, 0, 0])
+    boxed = street([far + [0, 1.9, 0, 0, 0, 0, 0]])
     assert not is_free(boxed, far)
-    assert is_free(boxed, far - [0, 0.2, 0, 0, 0, 0, 0])
+    assert is_free(boxed, far - [0, 0.9, 0, 0, 0, 0, 0])
 
 
-def test_objects_come_from_other_scenes_of_the_store_only():
-    target = item(40, boxes=np.zeros((0, 7)))
-    reads = []
+def test_a_moved_object_keeps_its_shape_and_turns_about_the_sensor():
+    source = revealed_objects(street([CAR]))[0]
+    for seed in range(30):
+        new = moved(source, Places(), np.random.default_rng(seed))
+        distance = np.hypot(*new.box[:2])
+        assert 10 <= distance <= 20
+        assert -0.7 <= np.arctan2(new.box[1], new.box[0]) <= 0.7
+        np.testing.assert_array_equal(new.box[2:6], CAR[2:6])
+        assert 1 <= len(new.points) <= 40
+        assert (points_in_boxes(new.points[:, :3], new.box[None]) == 0).all()
+        # the sensor sees it from the same side, or from the mirrored one
+        seen = new.box[6] - np.arctan2(new.box[1], new.box[0])
+        assert abs(seen) == pytest.approx(0.2, abs=1e-9)
+    still = moved(source, Places(bearing=(0, 0), farther=1), np.random.default_rng(0))
+    assert len(still.points) == 40
+    thinned = [len(moved(source, Places((0, 0), 2, 20), np.random.default_rng(i)).points) for i in range(100)]
+    assert 0.25 * 40 < np.mean(thinned) < 40
+
+
+def test_objects_are_put_on_the_ground_of_the_scene():
+    source = revealed_objects(street([CAR]))[0]
+    scene = street([], height=2.5)
+    placed = put_on_ground(source, scene['points'][:, :3], np.zeros(6000))
+    np.testing.assert_allclose(placed.box - source.box, [0, 0, 2.5, 0, 0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(placed.points[:, 2] - source.points[:, 2], 2.5, atol=1e-5)
+
+
+def paste_world(reads):
+    worlds = {0: street([]), 1: street([CAR], seed=1), 3: street([CAR + [12, 9, 0, 0, 0, 0, 0]], seed=3)}
 
     def raw(index):
         reads.append(index)
-        return item(10, boxes=np.array([[50.0 + 10 * index, 0, 0, 4, 2, 1.5, 0]]))
+        return worlds[index]
 
-    entries = {name: SimpleNamespace(true_boxes=count) for name, count in (('s', 1), ('t', 1), ('u', 0), ('v', 1))}
-    dataset = SimpleNamespace(
+    entries = {name: SimpleNamespace(true_boxes=count) for name, count in (('s', 0), ('t', 1), ('u', 0), ('v', 1))}
+    return SimpleNamespace(
         labels='store',
         scene_ids=('s', 't', 'u', 'v', 'w'),
+        classes=('Car', 'Pedestrian'),
         raw=raw,
         label_store=SimpleNamespace(scenes=lambda: entries),
     )
-    out = LabelledObjectPaste(scenes=9)(target | {'dataset': dataset})
-    assert sorted(reads) == [1, 3]
-    assert sorted(out['boxes'][:, 0].tolist()) == [60, 80]
-    assert len(LabelledObjectPaste(max_objects=1)(target | {'dataset': dataset})['boxes']) == 1
+
+
+def test_objects_come_from_scenes_with_revealed_boxes_read_once():
+    reads = []
+    dataset, transform = paste_world(reads), LabelledObjectPaste(max_objects=4)
+    out = transform(street([]) | {'dataset': dataset})
+    assert reads == [1, 3]
+    assert 1 <= len(out['boxes']) <= 4
+    assert out['box_is_true'].all()
+    assert set(out['box_labels'].tolist()) == {1}
+    inside = points_in_boxes(out['points'][:, :3], out['boxes'])
+    pasted = out['point_index'] == -1
+    np.testing.assert_array_equal(inside[pasted], out['instance'][pasted])
+    assert out['boxes'][:, 2] - out['boxes'][:, 5] / 2 == pytest.approx(-1.7, abs=0.1)
+    again = transform(street([]) | {'dataset': dataset})
+    fresh = LabelledObjectPaste(max_objects=4)(street([]) | {'dataset': dataset})
+    for other in (again, fresh):  # an item does not depend on what was made before it
+        np.testing.assert_array_equal(other['points'], out['points'])
+        np.testing.assert_array_equal(other['boxes'], out['boxes'])
+    assert reads == [1, 3, 1, 3]
     dataset.labels = 'truth'
     with pytest.raises(ValueError, match="needs a data set with labels='store'"):
-        LabelledObjectPaste()(target | {'dataset': dataset})
+        LabelledObjectPaste()(street([]) | {'dataset': dataset})
+
+
+def test_pasted_points_outlive_the_removal_of_ground():
+    out = LabelledObjectPaste(max_objects=3)(street([]) | {'dataset': paste_world([])})
+    kept = DropGround()(out)
+    assert (kept['point_index'] == -1).sum() == (out['point_index'] == -1).sum() > 0
+    assert len(kept['points']) < 500
 
 
 # ---------------------------------------------------------------------- packing
