@@ -11,6 +11,9 @@ from rm3d_plugin.pseudo_labels.boxes import BoxFit, complete_box, is_plausible, 
 from rm3d_plugin.pseudo_labels.propagate import GroupLabels
 from rm3d_plugin.structures import Boxes3D
 
+VOTE_RADIUS = 0.75  # of the class's smaller horizontal size: votes nearer than this are for one object
+MAX_VOTES = 3000
+
 
 @dataclass(frozen=True)
 class ObjectRules:
@@ -72,6 +75,18 @@ class Objects(NamedTuple):
     counts: dict[str, float]
 
 
+class PointVotes(NamedTuple):
+    """What the network says of single points; it helps where a group is not exactly one object.
+
+    Attributes:
+        classes: (N,) int64 most likely class, -1 = not seen.
+        centers: (N, 3) voted object centre in metres, NaN = not seen; or None.
+    """
+
+    classes: Int[np.ndarray, ' points']
+    centers: Float[np.ndarray, 'points 3'] | None
+
+
 class _Candidate(NamedTuple):
     """Points taken for one object, from one group or from several fragments."""
 
@@ -89,6 +104,7 @@ class _Context(NamedTuple):
     priors: np.ndarray
     ground_z: np.ndarray | None
     sensor: tuple[float, float]
+    votes: PointVotes
     rules: ObjectRules
 
 
@@ -101,6 +117,7 @@ def find_objects(
     ground_z: Float[np.ndarray, ' points'] | None,
     sensor: tuple[float, float],
     earlier: EarlierObjects | None,
+    votes: PointVotes,
     rules: ObjectRules,
 ) -> Objects:
     """A box for every group of an object class that is plausible and has its place to itself.
@@ -118,36 +135,84 @@ def find_objects(
         ground_z: Height of the ground under each point, metres, or None.
         sensor: Position of the sensor from above, metres.
         earlier: Boxes of the last round.
+        votes: What the network says of single points.
         rules: Thresholds.
     """
-    context = _Context(xyz, priors, ground_z, sensor, rules)
+    context = _Context(xyz, priors, ground_z, sensor, votes, rules)
     usable = np.append(np.isfinite(priors).all(axis=1), [False])
     wanted = usable[np.where((groups.classes >= 0) & (groups.classes < len(priors)), groups.classes, len(priors))]
     order = np.argsort(point_groups, kind='stable')
     starts = np.searchsorted(point_groups[order], np.arange(len(groups.classes) + 1))
     found: list[_Candidate] = []
-    too_large: list[int] = []
+    rejected = np.zeros(len(xyz), dtype=bool)
+    too_large = 0
     for group in np.flatnonzero(wanted).tolist():
         members = order[starts[group] : starts[group + 1]]
         if len(members):
-            label, score = int(groups.classes[group]), float(groups.confidence[group])
-            candidate = _Candidate((group,), members, label, score, _fit(context, members, label))
-            if is_plausible(candidate.fit, priors[label], rules.max_excess):
-                found.append(candidate)
-            else:
-                too_large.append(group)
+            own = _candidates(context, group, members, int(groups.classes[group]), float(groups.confidence[group]))
+            found += own
+            if not own:
+                rejected[members] = True
+                too_large += 1
     joined = _join_fragments(context, found)
     large_enough = [c for c in joined if len(c.members) >= rules.min_points]
-    rejected = np.isin(point_groups, np.array(too_large, dtype=np.int64))
     boxes, point_box, lost = _compete(len(xyz), large_enough, true_boxes, earlier, rules)
     counts = {
         'pseudo_boxes': float(len(boxes)),
-        'rejected_groups': float(len(too_large)),
+        'rejected_groups': float(too_large),
         'joined_fragments': float(len(found) - len(joined)),
         'small_groups': float(len(joined) - len(large_enough)),
         'suppressed_boxes': float(lost),
     }
     return Objects(boxes, point_box, rejected, counts)
+
+
+def _candidates(context: _Context, group: int, members: np.ndarray, label: int, score: float) -> list[_Candidate]:
+    """The group as one object; where it is too large for one, as several by the centres its points vote for."""
+    classes = context.votes.classes[members]
+    sure = members[(classes == label) | (classes < 0)]
+    sure = sure if len(sure) else members
+    prior, limit = context.priors[label], context.rules.max_excess
+    whole = _Candidate((group,), sure, label, score, _fit(context, sure, label))
+    if is_plausible(whole.fit, prior, limit):
+        return [whole]
+    if context.votes.centers is None:
+        return []
+    parts = split_by_votes(context.votes.centers[sure], VOTE_RADIUS * float(min(prior[:2])))
+    out = []
+    for part in range(int(parts.max(initial=-1)) + 1):
+        chosen = sure[parts == part]
+        if len(chosen) >= context.rules.min_points:
+            out.append(_Candidate((group,), chosen, label, score, _fit(context, chosen, label)))
+    return [candidate for candidate in out if is_plausible(candidate.fit, prior, limit)]
+
+
+def split_by_votes(centers: Float[np.ndarray, 'points 3'], radius: float) -> Int[np.ndarray, ' points']:
+    """Take the densest place among the voted centres with all votes around it, and again until none is left.
+
+    Args:
+        centers: Votes, metres; only x and y count. NaN: no vote.
+        radius: Reach of a place, metres.
+
+    Returns:
+        (N,) int64 part of each point, most votes first (tie: the lowest point); -1 without a vote, and for all where
+        there are more than 3000 votes, which no object within reach has.
+    """
+    part = np.full(len(centers), -1, dtype=np.int64)
+    voting = np.flatnonzero(np.isfinite(centers).all(axis=1))
+    if len(voting) > MAX_VOTES:
+        return part
+    xy = centers[voting, :2].astype(np.float64)
+    near = np.square(xy[:, None] - xy[None]).sum(axis=2) <= radius**2
+    number = 0
+    left = np.ones(len(voting), dtype=bool)
+    while left.any():
+        support = np.where(left, near[:, left].sum(axis=1), -1)
+        taken = near[int(support.argmax())] & left
+        part[voting[taken]] = number
+        left &= ~taken
+        number += 1
+    return part
 
 
 def _fit(context: _Context, members: np.ndarray, label: int) -> BoxFit:

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.pseudo_labels.boxes import geometric_background, region_tops, robust_extents
-from rm3d_plugin.pseudo_labels.objects import EarlierObjects, ObjectRules, Objects, find_objects
+from rm3d_plugin.pseudo_labels.objects import EarlierObjects, ObjectRules, Objects, PointVotes, find_objects
 from rm3d_plugin.pseudo_labels.propagate import (
     GroupLabels,
     label_groups,
@@ -116,11 +116,12 @@ def refresh_detection(
         None if height_above_ground is None else xyz[:, 2] - height_above_ground,
         (0.0, 0.0) if prepared_cloud.sensor is None else (prepared_cloud.sensor[0], prepared_cloud.sensor[1]),
         _earlier_objects(previous, supported),
+        _votes(probabilities, centers, len(xyz)),
         rules,
     )
     draft = _overlay(draft, objects.rejected, UNLABELLED, 0.0)
     draft = _keep_previous(draft, previous, supported)
-    draft = _fill_boxes(xyz, draft, objects)
+    draft, objects = _fill_boxes(xyz, draft, objects)
     draft = _overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     labels = _with_boxes(draft, truth, objects, weak)
     return RefreshResult(labels, grouped.merge, _stats(labels, grouped) | objects.counts)
@@ -308,15 +309,24 @@ def _earlier_objects(
     return EarlierObjects(previous.boxes.select(alive), rows[points])
 
 
-def _fill_boxes(xyz: Float[np.ndarray, 'points 3'], draft: _Draft, objects: Objects) -> _Draft:
-    """Points in a pseudo box of which nothing else is known are its object's."""
+def _votes(
+    probabilities: Float[np.ndarray, 'points classes'] | None, centers: Float[np.ndarray, 'points 3'] | None, count: int
+) -> PointVotes:
+    if probabilities is None:
+        return PointVotes(np.full(count, -1, dtype=np.int64), None)
+    likely = np.where(seen_rows(probabilities), np.nan_to_num(probabilities).argmax(axis=1), -1)
+    return PointVotes(likely, centers)
+
+
+def _fill_boxes(xyz: Float[np.ndarray, 'points 3'], draft: _Draft, objects: Objects) -> tuple[_Draft, Objects]:
+    """Points in a pseudo box that are of its class or of which nothing else is known are its object's."""
     assert objects.boxes.scores is not None
     inside = points_in_boxes(xyz, objects.boxes.tensor)
+    label = np.append(objects.boxes.labels, -1)[inside]
     fill = (inside >= 0) & (draft.semantic == UNLABELLED)
-    objects.point_box[fill] = inside[fill]
-    return _overlay(
-        draft, fill, np.append(objects.boxes.labels, -1)[inside], np.append(objects.boxes.scores, 0.0)[inside]
-    )
+    own = fill | ((inside >= 0) & (objects.point_box < 0) & (draft.semantic == label))
+    filled = _overlay(draft, fill, label, np.append(objects.boxes.scores, 0.0)[inside])
+    return filled, objects._replace(point_box=np.where(own, inside, objects.point_box))
 
 
 def _with_boxes(draft: _Draft, truth: Truth, objects: Objects, weak: WeakLabels) -> PseudoLabels:
