@@ -1,0 +1,47 @@
+"""What every benchmark needs: interleaved medians, the rate of matrix products, the facts of the machine."""
+
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numba
+import torch
+
+
+def interleaved_medians(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Median wall seconds of each job; the jobs take turns, so that other load on the machine meets all of them."""
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    for job in jobs.values():
+        job()  # compiles, fills caches
+    for _ in range(repeats):
+        for name, job in jobs.items():
+            start = time.perf_counter()
+            job()
+            times[name].append(time.perf_counter() - start)
+    return {name: statistics.median(values) for name, values in times.items()}
+
+
+def matrix_product(side: int = 768) -> tuple[Callable[[], object], float]:
+    """A square float32 product and its floating-point operations: the rate that the machine can reach."""
+    left, right = torch.rand(side, side), torch.rand(side, side)
+    return lambda: left @ right, 2.0 * side**3
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, threads in use, load and versions."""
+    model = platform.processor()
+    if os.path.exists('/proc/cpuinfo'):
+        with open('/proc/cpuinfo') as lines:
+            model = next((line.split(':', 1)[1].strip() for line in lines if line.startswith('model name')), model)
+    return {
+        'processor': model,
+        'cores': os.cpu_count(),
+        'load_average': round(os.getloadavg()[0], 2),
+        'torch': torch.__version__,
+        'torch_threads': torch.get_num_threads(),
+        'numba': numba.__version__,
+        'python': platform.python_version(),
+    }
