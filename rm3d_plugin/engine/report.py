@@ -24,6 +24,7 @@ from rm3d_plugin.visualization import (
 _SCORE = re.compile(
     r'(?P<name>\w+?)_(?P<metric>3d|bev)_(?P<level>easy|moderate|hard)_R40(@(?P<iou>[\d.]+)|(?P<loose>_loose)?)'
 )
+HEADLINES = ('mAP_3d_moderate_R40_loose', 'mAP_3d_moderate_R40')
 SHOWN_KEYS = ('descriptor', 'oversegmenter', 'strategy', 'budget', 'rounds', 'sigma', 'seed', 'data_root', 'batch_size')
 
 
@@ -48,11 +49,10 @@ def loss_chart(losses: Mapping[str, Mapping[str, float]]) -> Chart | None:
     epochs = sorted(losses, key=int)
     if not epochs:
         return None
+    x = [int(epoch) for epoch in epochs]
     names = [name for name in losses[epochs[0]] if name.startswith('loss')]
-    series = [
-        Series(name, [int(e) for e in epochs], [losses[e].get(name, float('nan')) for e in epochs]) for name in names
-    ]
-    return Chart('Training losses', 'epoch', 'mean loss', series)
+    lines = {name: Series(x, [losses[epoch].get(name, float('nan')) for epoch in epochs]) for name in names}
+    return Chart('Training losses', 'epoch', 'mean loss', lines)
 
 
 def score_chart(validation: Mapping[str, Mapping[str, float]]) -> Chart | None:
@@ -60,9 +60,10 @@ def score_chart(validation: Mapping[str, Mapping[str, float]]) -> Chart | None:
     epochs = sorted(validation, key=int)
     if len(epochs) < 2:
         return None
+    x = [int(epoch) for epoch in epochs]
     names = [key for key in validation[epochs[0]] if '_3d_moderate_R40' in key]
-    series = [Series(name, [int(e) for e in epochs], [validation[e][name] for e in epochs]) for name in names]
-    return Chart('Moderate 3D AP (R40)', 'epoch', '%', series)
+    lines = {name: Series(x, [validation[epoch][name] for epoch in epochs]) for name in names}
+    return Chart('Moderate 3D AP (R40)', 'epoch', '%', lines, y_low=0.0)
 
 
 def budget_of(store: LabelStore, classes: Sequence[str], name: Any) -> BudgetSummary | None:
@@ -110,18 +111,12 @@ def run_report(
     charts = [loss_chart(record['losses']), score_chart(record['validation'])]
     rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
     final = record.get('final', {})
-    headline = {
-        key: f'{final[key]:.1f} %' for key in ('mAP_3d_moderate_R40_loose', 'mAP_3d_moderate_R40') if key in final
-    }
+    headline = {key: f'{final[key]:.1f} %' for key in HEADLINES if key in final}
+    facts = {'epochs': len(record['losses']), 'label rounds': len(rounds), 'work dir': Path(config.work_dir).name}
     return RunReport(
         title=str(config.get('config_name', 'RM3D run')),
         synthetic=bool(config.get('is_demo', False)),
-        summary={
-            **headline,
-            'epochs': len(record['losses']),
-            'label rounds': len(rounds),
-            'work dir': Path(config.work_dir).name,
-        },
+        summary={**headline, **facts},
         budget=budget_of(store, classes, config.get('budget', '')),
         results=result_rows(final),
         charts=[chart for chart in charts if chart is not None],

@@ -52,7 +52,7 @@ class ReportHook(Hook):
 
     def _train_pictures(self, runner: Runner, merging: RegionMergeHook) -> list[Picture]:
         labeler, dataset = merging.labeler, merging.dataloader.dataset
-        rated = sorted(labeler.store.scenes().items(), key=lambda item: -item[1].boxes)
+        rated = sorted(labeler.store.scenes().items(), key=lambda item: -item[1].true_boxes)
         pictures = []
         for scene_id, _ in rated[: self.train_scenes]:
             scene, index = labeler.prepared(scene_id), labeler.source.scene_ids.index(scene_id)
