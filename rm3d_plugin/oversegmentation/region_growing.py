@@ -140,21 +140,24 @@ def absorb_small(
     All small regions choose at once, ties to the region of the lower number, and the round repeats until every small
     region has grown or has no neighbour. A region that is large enough chooses nobody, so no two such are joined.
     """
-    while len(labels):
-        count = int(labels.max()) + 1
+    if not len(labels):
+        return labels
+    pairs = _adjacent_regions(labels, neighbors)
+    sums = segment_sum(descriptors, labels, int(labels.max()) + 1)
+    while True:
+        count = len(sums)
         small = segment_sizes(labels, count) < min_region
-        pairs = _adjacent_to_small(labels, neighbors, small, count)
-        if not len(pairs):
-            break
+        asking = pairs[small[pairs[:, 0]]]
+        if not len(asking):
+            return labels
         axes = segment_mean_axis(normals, labels, count)
-        sums = segment_sum(descriptors, labels, count)
-        score = pair_affinity(axes, unit_rows(sums, np.ones(count, dtype=np.bool_)), pairs, affinity)
-        order = np.lexsort((pairs[:, 1], -score, pairs[:, 0]))
-        chooser, first = np.unique(pairs[order, 0], return_index=True)
-        chosen = pairs[order[first], 1]
-        edges = coo_array((np.ones(len(chooser), dtype=np.int8), (chooser, chosen)), shape=(count, count))
-        labels = connected_components(edges, directed=False)[1].astype(np.int64)[labels]
-    return labels
+        score = pair_affinity(axes, unit_rows(sums, np.ones(count, dtype=np.bool_)), asking, affinity)
+        order = np.lexsort((asking[:, 1], -score, asking[:, 0]))
+        chooser, first = np.unique(asking[order, 0], return_index=True)
+        edges = coo_array((np.ones(len(chooser)), (chooser, asking[order[first], 1])), shape=(count, count))
+        group = connected_components(edges, directed=False)[1].astype(np.int64)
+        labels, sums = group[labels], segment_sum(sums, group, int(group.max()) + 1)
+        pairs = _unique_pairs(group[pairs[:, 0]], group[pairs[:, 1]])
 
 
 def pair_affinity(
@@ -177,16 +180,21 @@ def pair_affinity(
     return np.sqrt(squared)
 
 
-def _adjacent_to_small(
-    labels: np.ndarray, neighbors: np.ndarray, small: np.ndarray, count: int
+def _adjacent_regions(
+    labels: Int[np.ndarray, ' points'], neighbors: Int[np.ndarray, 'points k']
 ) -> Int[np.ndarray, 'pairs 2']:
-    """Unique (small region, adjacent region), sorted."""
-    rows, columns = np.nonzero(neighbors >= 0)
-    a, b = labels[rows], labels[neighbors[rows, columns]]
-    a, b = np.concatenate([a, b]), np.concatenate([b, a])
-    wanted = (a != b) & small[a]
-    keys = np.unique(a[wanted] * count + b[wanted])
-    return np.stack([keys // count, keys % count], axis=1)
+    """Pairs of regions that own neighbouring points, in both orders, sorted."""
+    near = np.where(neighbors >= 0, labels[neighbors], labels[:, None])
+    rows, slots = np.nonzero(near != labels[:, None])
+    a, b = labels[rows], near[rows, slots]
+    return _unique_pairs(np.concatenate([a, b]), np.concatenate([b, a]))
+
+
+def _unique_pairs(a: Int[np.ndarray, ' pairs'], b: Int[np.ndarray, ' pairs']) -> Int[np.ndarray, 'unique 2']:
+    """Different pairs of different numbers, sorted."""
+    span = int(b.max()) + 1 if len(b) else 1
+    keys = np.unique((a * span + b)[a != b])
+    return np.stack([keys // span, keys % span], axis=1)
 
 
 @OVERSEGMENTERS.register_module()
@@ -321,12 +329,14 @@ def _join_block(
                 squared += normal_weight * dot * dot
                 total += normal_weight
             if known_descriptor[i] and known_descriptor[j]:
-                dot = 0.0
-                for c in range(descriptors.shape[1]):
-                    dot += descriptors[i, c] * descriptors[j, c]
-                dot = min(max(dot, 0.0), 1.0)
-                squared += descriptor_weight * dot * dot
                 total += descriptor_weight
+                needed = threshold * threshold * (total if normalised else 1.0) - squared
+                if needed > 0 and needed <= descriptor_weight:  # otherwise the normals have decided
+                    dot = 0.0
+                    for c in range(descriptors.shape[1]):
+                        dot += descriptors[i, c] * descriptors[j, c]
+                    dot = min(max(dot, 0.0), 1.0)
+                    squared += descriptor_weight * dot * dot
             joins[i, slot] = total > 0 and squared >= threshold * threshold * (total if normalised else 1.0)
 
 
