@@ -137,7 +137,7 @@ def _histograms_block(points, normals, offsets, indices, spans, start, stop, val
     for row in range(start, stop):
         width = max(width, offsets[row + 1] - offsets[row])
     local = np.zeros((6, width + TILE), dtype=np.float32)
-    histograms = np.empty((COPIES, DUMP + 1), dtype=np.int32)
+    histograms = np.empty((COPIES, DUMP + 1), dtype=np.int64)
     bins = np.empty(TILE, dtype=np.int32)
     for row in range(start, stop):
         count = _gather(points, normals, indices[offsets[row] : offsets[row + 1]], local)

@@ -1,17 +1,20 @@
 """Adapted and original PFH: PCL's values, invariances, presets (METHOD 3 and 11)."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference.neighbors_slow import slow_neighbors
+from reference.pair_features_slow import slow_histogram
 
 from rm3d_plugin.descriptors import PFH, AdaptedPFH, adapted_pfh, original_pfh
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import PointCloud
-from tests.reference.neighbors_slow import slow_neighbors
-from tests.reference.pair_features_slow import slow_histogram
 
 GOLDEN = Path(__file__).resolve().parents[3] / 'shared' / 'golden' / 'descriptors_pcl_open3d'
 
@@ -188,3 +191,23 @@ def test_registry_presets_and_bad_numbers():
         AdaptedPFH(radius=0)
     with pytest.raises(ValueError, match='k >= 3'):
         PFH(k=2)
+
+
+def test_threads_change_nothing():
+    """The same digest of normals and descriptors from processes with one thread and with three."""
+    code = (
+        'import hashlib, numpy as np\n'
+        'from rm3d_plugin.descriptors import PFH, AdaptedPFH\n'
+        'from rm3d_plugin.structures import PointCloud\n'
+        'c = PointCloud(np.random.default_rng(0).random((9000, 3)) * [1, 1, .05])\n'
+        'a, b = AdaptedPFH(radius=.05).compute(c), PFH(k=12).compute(c)\n'
+        'print(hashlib.sha256(a.values.tobytes() + b.values.tobytes()).hexdigest(), a.valid.sum())'
+    )
+
+    def digest(threads):
+        environment = {**os.environ, 'NUMBA_NUM_THREADS': str(threads)}
+        return subprocess.run(
+            [sys.executable, '-c', code], env=environment, capture_output=True, text=True, check=True
+        ).stdout
+
+    assert digest(1) == digest(3)

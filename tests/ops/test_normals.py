@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference.neighbors_slow import slow_neighbors
 
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.octree import Octree
-from tests.reference.neighbors_slow import slow_neighbors
 
 GOLDEN = Path(__file__).resolve().parents[3] / 'shared' / 'golden' / 'descriptors_pcl_open3d'
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference.neighbors_slow import slow_neighbors
 from scipy.spatial import cKDTree
 
 from rm3d_plugin.ops.octree import Knn, Neighbors, Octree
-from tests.reference.neighbors_slow import slow_neighbors
 
 
 def rows_of(found: Neighbors) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference.pair_features_slow import slow_histogram
 
 from rm3d_plugin.ops.octree import Neighbors, Octree
 from rm3d_plugin.ops.pair_features import pair_histograms
-from tests.reference.pair_features_slow import slow_histogram
 
 
 def directions(rng, count):
