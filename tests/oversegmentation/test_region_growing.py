@@ -119,7 +119,7 @@ def test_a_gap_is_never_crossed_and_grows_with_range():
     far = xyz + [10.0, 0.0, 0.0]
     spread = far * [3.0, 1.0, 1.0] - [20.0, 0.0, 0.0]  # 0.3 m apart from 10 m on
     xyz = np.concatenate([xyz, spread])
-    cloud = PointCloud(xyz, normals=np.tile(normals, (2, 1)), curvature=np.tile(curvature, 2), sensor=(0, 0, 0))
+    cloud = PointCloud(xyz, normals=np.tile(normals, (2, 1)), curvature=np.tile(curvature, 2), sensor=(0.0, 0.0, 0.0))
     values = described(np.ones((8, 1)))
     alone = RegionGrowing(max_edge=0.15, min_region=4).partition(cloud, values)
     assert same_partition(alone, [0, 0, 0, 0, 1, 2, 3, 4])  # too small to stay, but nobody is near
@@ -201,7 +201,7 @@ def test_real_street_objects_fall_into_few_pure_regions(real_data):
     right = points = parts = objects = 0
     for name in frames(real_data)[-4:]:
         scan = read_frame(real_data, name)
-        cloud = PointCloud(scan.xyz, sensor=(0, 0, 0))
+        cloud = PointCloud(scan.xyz, sensor=(0.0, 0.0, 0.0))
         descriptors = AdaptedPFH.preset('lidar').compute(cloud)
         regions = RegionGrowing.preset('lidar').segment(cloud, descriptors)
         kept = regions.labels >= 0

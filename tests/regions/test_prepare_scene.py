@@ -97,7 +97,7 @@ def test_wrong_arrays_are_named():
 @pytest.mark.parametrize('n', [0, 1, 4])
 @pytest.mark.parametrize('ground', [None, {}])
 def test_very_few_points(n, ground):
-    cloud = PointCloud(np.arange(3.0 * n).reshape(n, 3), sensor=(0, 0, 0))
+    cloud = PointCloud(np.arange(3.0 * n).reshape(n, 3), sensor=(0.0, 0.0, 0.0))
     for max_gap in (None, 0.5):
         scene = prepare_scene(cloud, AdaptedPFH(), RegionGrowing(ground=ground), max_gap=max_gap)
         assert len(scene.cloud) == n
@@ -115,7 +115,7 @@ def test_same_result_twice_and_for_any_number_of_threads(monkeypatch):
 
 def test_real_street(real_data):
     scan = read_frame(real_data, frames(real_data)[0])
-    cloud = PointCloud(scan.xyz, intensity=scan.intensity, sensor=(0, 0, 0))
+    cloud = PointCloud(scan.xyz, intensity=scan.intensity, sensor=(0.0, 0.0, 0.0))
     scene = prepare_scene(cloud, AdaptedPFH.preset('lidar'), RegionGrowing.preset('lidar'), max_gap=0.6)
     assert len(scene.regions) > 20
     assert len(scene.graph.edges) > 20

@@ -52,7 +52,7 @@ def test_means_leave_out_what_is_not_described():
 
 def test_colour_goes_before_intensity():
     xyz, regions = np.zeros((2, 3)), Regions(np.array([0, 0]))
-    both = PointCloud(xyz, colors=np.array([[1, 1, 1], [0, 0, 0]]), intensity=np.ones(2))
+    both = PointCloud(xyz, colors=np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]), intensity=np.ones(2))
     np.testing.assert_allclose(region_colors(both, regions), [[50, 0, 0]], atol=1e-6)
     assert region_colors(PointCloud(xyz), regions) is None
 
