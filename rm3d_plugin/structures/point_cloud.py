@@ -1,7 +1,6 @@
 """The raw scene: points with whatever the sensor gave along."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -69,7 +68,7 @@ class PointCloud:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def from_world(cls, xyz: Float[np.ndarray, 'points 3'], **channels: np.ndarray) -> Self:
+    def from_world(cls, xyz: Float[np.ndarray, 'points 3'], **channels: np.ndarray) -> 'PointCloud':
         """Build from float64 world coordinates: the rounded centre becomes the origin."""
         world = np.asarray(xyz, dtype=np.float64)
         origin = np.round(world.mean(axis=0)) if len(world) else np.zeros(3)
