@@ -10,7 +10,7 @@ from jaxtyping import Int32, Int64
 from numba import njit
 from torch import Tensor
 
-from rm3d_plugin.ops.voxelize import AXIS_BITS, COORDINATE_LIMIT, Array, pack_coords
+from rm3d_plugin.ops.voxelize import AXIS_BITS, COORDINATE_LIMIT, Array, pack_coords, unique_rows
 
 Triple = tuple[int, int, int]
 _REACH_LIMIT = 1 << 9
@@ -108,10 +108,7 @@ class VoxelLevel:
         if stride not in self._coarser:
             steps = self.coords.new_tensor([1, *stride])
             cells = torch.div(self.coords, steps, rounding_mode='floor')
-            keys, inverse = torch.unique(pack_coords(cells), sorted=True, return_inverse=True)
-            coords = cells.new_empty((len(keys), 4))
-            coords[inverse] = cells  # every voxel of a cell writes the same row
-            self._coarser[stride] = VoxelLevel(coords)
+            self._coarser[stride] = VoxelLevel(unique_rows(cells).coords)
         return self._coarser[stride]
 
     def kernel_map(self, spec: KernelSpec) -> KernelMap:
@@ -130,8 +127,11 @@ def _build_map(source: VoxelLevel, target: VoxelLevel, spec: KernelSpec) -> Kern
     if source.coords.is_cuda:
         pair_in, pair_out, counts = _pairs_searched(source._keys, anchors, deltas)
     else:
-        found_in, found_out, found = _pairs_merged(source._keys.numpy(), anchors.numpy(), np.array(deltas))
-        pair_in, pair_out, counts = torch.from_numpy(found_in), torch.from_numpy(found_out), list(found)
+        mirrored = source is target and all(size % 2 == 1 for size in spec.kernel_size)
+        keys = np.append(source._keys.numpy(), np.iinfo(np.int64).max)
+        columns = np.array(deltas).reshape(-1, spec.kernel_size[2])
+        found_in, found_out, found = _pairs_merged(keys, anchors.numpy(), columns, mirrored)
+        pair_in, pair_out, counts = torch.from_numpy(found_in), torch.from_numpy(found_out), found.tolist()
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     return KernelMap(pair_in, pair_out, starts, len(source), len(target))
 
@@ -148,25 +148,58 @@ def _pairs_searched(keys: Tensor, anchors: Tensor, deltas: list[int]) -> tuple[T
     return torch.cat(rows_in), torch.cat(rows_out), [len(rows) for rows in rows_in]
 
 
-@njit(cache=True)
-def _pairs_merged(keys: Array, anchors: Array, deltas: Array) -> tuple[Array, Array, Array]:
-    """Pairs by one merge of two sorted lists per offset: both lists are read in order, nothing is searched."""
-    pair_in = np.empty(len(deltas) * len(anchors), np.int32)
-    pair_out = np.empty(len(deltas) * len(anchors), np.int32)
-    counts = np.zeros(len(deltas), np.int64)
-    total = 0
-    for k in range(len(deltas)):
-        first = total
+@njit(cache=True, nogil=True)
+def _pairs_merged(keys: Array, anchors: Array, columns: Array, mirrored: bool) -> tuple[Array, Array, Array]:
+    """Pairs by merging two sorted lists: read in order, nothing is searched.
+
+    Args:
+        keys: Sorted keys of the input voxels, closed by a key larger than any.
+        anchors: Sorted keys of the first input voxel under each output voxel.
+        columns: Key differences of the offsets, one row for each x and y: its voxels lie next to each other.
+        mirrored: Whether inputs and outputs are the same voxels and the kernel is symmetric: then offset ``k`` is
+            offset ``-k`` with its columns swapped, and half of the merging is saved.
+    """
+    height = columns.shape[1]
+    offsets = columns.size
+    searched = offsets // 2 if mirrored else offsets
+    rows_in = np.empty((searched, len(anchors) + 1), np.int32)  # one more: a miss writes where the next hit will
+    rows_out = np.empty((searched, len(anchors) + 1), np.int32)
+    counts = np.zeros(offsets, np.int64)
+    for column in range((searched + height - 1) // height):
+        first = column * height
+        levels = min(height, searched - first)
         i = 0
         for j in range(len(anchors)):
-            wanted = anchors[j] + deltas[k]
-            while i < len(keys) and keys[i] < wanted:
+            while keys[i] < anchors[j] + columns[column, 0]:
                 i += 1
-            if i == len(keys):
-                break
-            if keys[i] == wanted:
-                pair_in[total] = i
-                pair_out[total] = j
-                total += 1
-        counts[k] = total - first
-    return pair_in[:total].copy(), pair_out[:total].copy(), counts
+            place = i
+            for level in range(levels):
+                wanted = anchors[j] + columns[column, level]
+                while keys[place] < wanted:
+                    place += 1
+                found = counts[first + level]
+                rows_in[first + level, found] = place
+                rows_out[first + level, found] = j
+                hit = int(keys[place] == wanted)
+                counts[first + level] += hit
+                place += hit
+    if mirrored:
+        counts[searched] = len(anchors)
+        for k in range(searched):
+            counts[offsets - 1 - k] = counts[k]
+    pair_in = np.empty(counts.sum(), np.int32)
+    pair_out = np.empty(counts.sum(), np.int32)
+    start = 0
+    for k in range(offsets):
+        stop = start + counts[k]
+        if k < searched:
+            pair_in[start:stop] = rows_in[k, : counts[k]]
+            pair_out[start:stop] = rows_out[k, : counts[k]]
+        elif k == searched:
+            pair_in[start:stop] = np.arange(len(anchors))
+            pair_out[start:stop] = np.arange(len(anchors))
+        else:
+            pair_in[start:stop] = rows_out[offsets - 1 - k, : counts[k]]
+            pair_out[start:stop] = rows_in[offsets - 1 - k, : counts[k]]
+        start = stop
+    return pair_in, pair_out, counts

@@ -60,16 +60,39 @@ def voxelize(
     )
     cells = torch.floor(points.detach().double() / voxel_size)
     _check_range(cells, voxel_size)
-    keys = pack_coords(torch.cat([scenes[:, None], cells.long()], dim=1))
-    unique_keys, point_to_voxel = torch.unique(keys, sorted=True, return_inverse=True)
+    unique = unique_rows(torch.cat([scenes[:, None], cells.long()], dim=1))
     if reduce == 'mean':
-        counts = torch.bincount(point_to_voxel, minlength=len(unique_keys))
-        rows = sum_rows(features, point_to_voxel, len(unique_keys)) / counts[:, None].to(features.dtype)
+        counts = torch.bincount(unique.inverse, minlength=len(unique.coords))
+        rows = sum_rows(features, unique.inverse, len(counts)) / counts[:, None].to(features.dtype)
     else:
-        order = torch.sort(point_to_voxel, stable=True).indices
-        counts = torch.bincount(point_to_voxel, minlength=len(unique_keys))
-        rows = gather_rows(features, order[counts.cumsum(0) - counts])
-    return Voxels(rows, unpack_coords(unique_keys), point_to_voxel)
+        rows = gather_rows(features, unique.first)
+    return Voxels(rows, unique.coords, unique.inverse)
+
+
+class UniqueRows(NamedTuple):
+    """Distinct coordinates of many.
+
+    Attributes:
+        coords: The distinct rows, sorted by (batch, x, y, z).
+        inverse: Row of ``coords`` for every input row.
+        first: Lowest input row of each distinct row.
+    """
+
+    coords: Int64[Tensor, 'voxels 4']
+    inverse: Int64[Tensor, 'points']
+    first: Int64[Tensor, 'voxels']
+
+
+def unique_rows(coords: Int64[Tensor, 'points 4']) -> UniqueRows:
+    """The distinct coordinates, sorted, with the maps there and back."""
+    if coords.device.type == 'cpu':
+        order = _sorted_order(np.ascontiguousarray(coords.numpy().T))
+        inverse, first = (torch.from_numpy(a) for a in _number_runs(coords.contiguous().numpy(), order))
+        return UniqueRows(coords[first], inverse, first)
+    keys, inverse = torch.unique(pack_coords(coords), sorted=True, return_inverse=True)
+    order = torch.sort(inverse, stable=True).indices
+    counts = torch.bincount(inverse, minlength=len(keys))
+    return UniqueRows(unpack_coords(keys), inverse, order[counts.cumsum(0) - counts])
 
 
 def pack_coords(coords: Int64[Tensor, 'voxels 4']) -> Int64[Tensor, 'voxels']:
@@ -133,6 +156,51 @@ def _ordered_sum(rows: Tensor, index: Tensor, segments: int) -> Tensor:
     order = torch.sort(index, stable=True).indices
     lengths = torch.bincount(index, minlength=segments)
     return torch.segment_reduce(rows.index_select(0, order), 'sum', lengths=lengths, axis=0, initial=0)
+
+
+@njit(cache=True, nogil=True)
+def _sorted_order(columns: Array) -> Array:
+    """Stable order of the coordinates, z least: counting sort by 11 bits of one axis at a time."""
+    order = np.arange(columns.shape[1])
+    target = np.empty_like(order)
+    if len(order) == 0:
+        return order
+    for axis in range(len(columns) - 1, -1, -1):
+        column = columns[axis]
+        low, extent = column.min(), column.max() - column.min()
+        shift = 0
+        while extent >> shift > 0:
+            places = np.zeros(2049, np.int64)
+            for i in range(len(column)):
+                places[((column[i] - low) >> shift & 2047) + 1] += 1
+            for digit in range(2048):
+                places[digit + 1] += places[digit]
+            for i in range(len(order)):
+                digit = (column[order[i]] - low) >> shift & 2047
+                target[places[digit]] = order[i]
+                places[digit] += 1
+            order, target = target, order
+            shift += 11
+    return order
+
+
+@njit(cache=True, nogil=True)
+def _number_runs(coords: Array, order: Array) -> tuple[Array, Array]:
+    """Number of the distinct row that each row equals, and the first row of each number, given their order."""
+    inverse = np.empty(len(order), np.int64)
+    first = np.empty(len(order), np.int64)
+    count = 0
+    for i in range(len(order)):
+        row = coords[order[i]]
+        last = coords[order[i - 1]] if i > 0 else row
+        differs = i == 0
+        for axis in range(4):
+            differs = differs or row[axis] != last[axis]
+        if differs:
+            first[count] = order[i]
+            count += 1
+        inverse[order[i]] = count - 1
+    return inverse, first[:count].copy()
 
 
 @njit(cache=True, nogil=True)

@@ -4,7 +4,15 @@ import pytest
 import torch
 from reference.voxelize_slow import voxelize_slowly
 
-from rm3d_plugin.ops.voxelize import COORDINATE_LIMIT, gather_rows, pack_coords, sum_rows, unpack_coords, voxelize
+from rm3d_plugin.ops.voxelize import (
+    COORDINATE_LIMIT,
+    gather_rows,
+    pack_coords,
+    sum_rows,
+    unique_rows,
+    unpack_coords,
+    voxelize,
+)
 
 
 @pytest.mark.parametrize('reduce', ['mean', 'first'])
@@ -37,6 +45,17 @@ def test_scenes_never_share_a_voxel():
 def test_no_points():
     got = voxelize(torch.zeros(0, 3), torch.zeros(0, 2), torch.tensor([0, 0]), 0.1)
     assert got.features.shape == (0, 2) and got.coords.shape == (0, 4) and got.point_to_voxel.shape == (0,)
+
+
+def test_wide_coordinates_are_sorted_like_a_list():
+    generator = torch.Generator().manual_seed(1)
+    coords = torch.randint(-COORDINATE_LIMIT, COORDINATE_LIMIT, (500, 4), generator=generator)
+    coords[:, 0] = torch.randint(0, 3, (500,), generator=generator)
+    coords = coords[torch.randint(0, 500, (900,), generator=generator)]
+    got = unique_rows(coords)
+    assert [tuple(c) for c in got.coords.tolist()] == sorted({tuple(c) for c in coords.tolist()})
+    assert torch.equal(got.coords[got.inverse], coords)
+    assert got.first.tolist() == [coords.tolist().index(c) for c in got.coords.tolist()]
 
 
 def test_packing_keeps_values_and_order():
