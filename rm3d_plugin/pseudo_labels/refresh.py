@@ -76,7 +76,8 @@ def refresh_detection(
 
     Revealed boxes label their points exactly and spread nowhere. Elsewhere a group of regions takes the class that the
     network gives it with confidence, and every group of an object class becomes a pseudo box, if it is plausible and
-    no true or better box is in its place. Regions that no object can be are background from the first round on.
+    no true or better box is in its place. Regions that no object can be are background from the first round on; only
+    one that is merely too large may still turn out to hold objects.
 
     Args:
         prepared_cloud: Points of the scene, metres.
@@ -103,13 +104,14 @@ def refresh_detection(
     truth = known_by_boxes(xyz, weak, background)
     grouped = _group(regions, graph, truth, probabilities, centers, strategy, round, _pad(class_counts, background + 1))
     grouped = _split(grouped, regions, probabilities, strategy, rules)
-    huge = _background_points(xyz, regions, priors, height_above_ground, rules) & (truth.seeds < 0)
-    draft = _overlay(_draft(grouped), huge | truth.shell, background, BACKGROUND_CONFIDENCE)
+    surely, large = _background_points(xyz, regions, priors, height_above_ground, rules)
+    surely, large = (surely & (truth.seeds < 0)) | truth.shell, large & (truth.seeds < 0)
     supported = _supported(previous, grouped, strategy)
-    free = (truth.semantic < 0) & ~huge & ~truth.shell
+    if supported is not None and previous is not None:
+        supported &= ~(large & (previous.semantic == background))  # asked again below, in every round
     objects = find_objects(
         xyz,
-        np.where(free, grouped.points, -1),
+        np.where((truth.semantic < 0) & ~surely, grouped.points, -1),
         grouped.groups,
         weak.boxes,
         priors,
@@ -119,7 +121,8 @@ def refresh_detection(
         _votes(probabilities, centers, len(xyz)),
         rules,
     )
-    draft = _overlay(draft, objects.rejected, UNLABELLED, 0.0)
+    draft = _overlay(_draft(grouped), objects.rejected, UNLABELLED, 0.0)
+    draft = _overlay(draft, surely | (large & (objects.point_box < 0)), background, BACKGROUND_CONFIDENCE)
     draft = _keep_previous(draft, previous, supported)
     draft, objects = _fill_boxes(xyz, draft, objects)
     draft = _overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
@@ -263,12 +266,21 @@ def _background_points(
     priors: Float[np.ndarray, 'classes 3'],
     height: Float[np.ndarray, ' points'] | None,
     rules: ObjectRules,
-) -> Bool[np.ndarray, ' points']:
-    """Points that geometry alone calls background: of huge regions, and of no region but on the ground."""
-    tops = None if height is None else region_tops(height, regions)
-    huge = geometric_background(robust_extents(xyz, regions), tops, priors, rules.background_ratio)
-    found = point_values(huge, regions.labels, False).astype(bool)
-    return found if height is None else np.asarray(found | ((regions.labels < 0) & (height < GROUND_HEIGHT)))
+) -> tuple[Bool[np.ndarray, ' points'], Bool[np.ndarray, ' points']]:
+    """Points that geometry alone calls background.
+
+    Returns:
+        Those on the ground or of regions that reach too high: surely. Those of regions that are too large: unless the
+        network finds whole objects in them, such as a row of parked cars.
+    """
+    large = geometric_background(robust_extents(xyz, regions), None, priors, rules.background_ratio)
+    of_large = point_values(large, regions.labels, False).astype(bool)
+    if height is None:
+        return np.zeros(len(xyz), dtype=bool), of_large
+    small = np.zeros((len(regions), 3))
+    tall = geometric_background(small, region_tops(height, regions), priors, rules.background_ratio)
+    ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
+    return point_values(tall, regions.labels, False).astype(bool) | ground, of_large
 
 
 def _supported(
