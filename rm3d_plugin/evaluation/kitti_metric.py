@@ -32,6 +32,8 @@ from rm3d_plugin.evaluation.functional.kitti_table import flat_metrics, format_t
 from rm3d_plugin.registry import METRICS as METRIC_REGISTRY
 from rm3d_plugin.structures import Boxes3D, SceneError
 
+__all__ = ['FrameResult', 'KittiMetric', 'format_table', 'found_from_objects', 'truth_from_objects']
+
 
 @dataclass(frozen=True, eq=False)
 class FrameResult:

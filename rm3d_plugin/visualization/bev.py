@@ -131,7 +131,9 @@ def scene_panels(
     pseudo: Boxes3D | None = None,
     predicted: Boxes3D | None = None,
 ) -> list[BevPanel]:
-    """The panels of a scene for which something is given: regions, pseudo labels, predictions; truth lies below, dashed black.
+    """The panels of a scene for which something is given: regions, pseudo labels, predictions.
+
+    Truth lies below the other boxes, dashed and black.
 
     Args:
         xyz: (N, 3) metres.
@@ -166,7 +168,8 @@ def _draw_panel(axes: Axes, panel: BevPanel, span: Span, max_points: int) -> Non
     for layer in panel.layers:
         if len(layer.boxes):
             lines = [*footprints(layer.boxes), *headings(layer.boxes)]
-            axes.add_collection(LineCollection(lines, colors=layer.color, linestyles=layer.style, linewidths=1.3))
+            weight = 2.4 if layer.style == '--' else 1.2  # what lies below shows on both sides
+            axes.add_collection(LineCollection(lines, colors=layer.color, linestyles=layer.style, linewidths=weight))
         label = f'{layer.name} ({len(layer.boxes)})'
         handles.append(Line2D([], [], color=layer.color, linestyle=layer.style, label=label))
     axes.set_xlim(span[0], span[2])

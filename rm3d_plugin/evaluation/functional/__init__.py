@@ -1,5 +1,6 @@
 """Metrics as plain functions: numpy in, named results out."""
 
+from rm3d_plugin.evaluation.functional.box_ap import BoxAp, box_ap
 from rm3d_plugin.evaluation.functional.kitti_ap import (
     DIFFICULTIES,
     LOOSE_IOU,
@@ -18,8 +19,10 @@ __all__ = [
     'METRICS',
     'OFFICIAL_IOU',
     'ApEntry',
+    'BoxAp',
     'KittiAp',
     'KittiDetections',
     'KittiTruth',
+    'box_ap',
     'kitti_ap',
 ]
