@@ -7,7 +7,8 @@ from reference.rooms import make_room
 from rm3d_plugin.descriptors import AdaptedPFH
 from rm3d_plugin.ops.segment import segment_majority
 from rm3d_plugin.oversegmentation import RegionGrowing
-from rm3d_plugin.oversegmentation.region_growing import Affinity, absorb_small, drop_small, pair_affinity, seed_order
+from rm3d_plugin.oversegmentation.region_growing import seed_order
+from rm3d_plugin.oversegmentation.small_regions import Affinity, absorb_small, drop_small, pair_affinity
 from rm3d_plugin.registry import OVERSEGMENTERS
 from rm3d_plugin.structures import Descriptors, PointCloud
 
