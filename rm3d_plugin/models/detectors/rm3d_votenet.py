@@ -129,7 +129,7 @@ class RM3DVoteNet(BaseModel):
         """Run backbone, point branch and vote head on a batch."""
         points, batch_offsets = inputs['points'], inputs['batch_offsets']
         features = self._features(points, batch_offsets)
-        logits = self.point_branch(features)
+        logits = self.point_branch(features).float()
         foreground = 1.0 - logits.detach().softmax(dim=1)[:, -1]
         return NetworkOutput(logits, self.vote_head(points[:, :3], features, foreground, batch_offsets))
 
@@ -154,7 +154,8 @@ class RM3DVoteNet(BaseModel):
         """Agreement of P_out with the augmented view; only backbone and point branch see that view."""
         assert self.aug_loss is not None
         rows = common_rows(inputs['aug_index'], _COMMON_POINTS)
-        logits_aug = self.point_branch(self._features(inputs['aug_points'], inputs['aug_batch_offsets'])[rows])
+        features = self._features(inputs['aug_points'], inputs['aug_batch_offsets'])
+        logits_aug = self.point_branch(features[rows]).float()
         loss: Tensor = self.aug_loss(logits[inputs['aug_index'][rows]], logits_aug)
         return loss
 

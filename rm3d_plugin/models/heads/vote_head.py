@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from rm3d_plugin.models.heads.batch_labels import BatchLabels
 from rm3d_plugin.models.heads.box_coder import BoxPrediction, prediction_width, split_prediction
+from rm3d_plugin.models.heads.group_shape import SHAPE_CHANNELS, group_shape, membership
 from rm3d_plugin.models.heads.seeds import choose_seeds
 from rm3d_plugin.models.heads.vote_losses import proposal_losses, vote_loss
 from rm3d_plugin.models.heads.vote_targets import (
@@ -45,7 +46,7 @@ def _mlp(widths: Sequence[int]) -> nn.Sequential:
     """Linear, LayerNorm, ReLU for each step; rows do not depend on the rest of the batch."""
     steps: list[nn.Module] = []
     for a, b in zip(widths[:-1], widths[1:], strict=True):
-        steps += [nn.Linear(a, b, bias=False), nn.LayerNorm(b), nn.ReLU(inplace=True)]
+        steps += [nn.Linear(a, b), nn.LayerNorm(b), nn.ReLU(inplace=True)]
     return nn.Sequential(*steps)
 
 
@@ -124,7 +125,8 @@ class VoteHead(nn.Module):
         self.vote_offset = nn.Linear(hidden, 3)
         self.vote_residual = nn.Linear(hidden, in_channels)
         self.group_mlp = _mlp([in_channels + 6, hidden, hidden, 2 * hidden])
-        self.box_mlp = _mlp([2 * hidden, 2 * hidden, 2 * hidden])
+        self.shape_mlp = _mlp([SHAPE_CHANNELS, hidden, hidden])
+        self.box_mlp = _mlp([3 * hidden, 2 * hidden, 2 * hidden])
         self.box_out = nn.Linear(2 * hidden, prediction_width(heading_bins, num_classes))
 
     @torch.no_grad()
@@ -150,27 +152,33 @@ class VoteHead(nn.Module):
         Args:
             xyz: Metres.
             features: From the backbone.
-            foreground: Predicted probability that a point lies on an object; only ranks points.
+            foreground: Predicted probability that a point lies on an object; ranks and weighs points, without gradient.
             batch_offsets: Rows of the scenes.
         """
         hidden = self.vote_mlp(features)
-        offsets = self.vote_offset(hidden)
+        offsets = self.vote_offset(hidden).float()
         seeds, seed_offsets = choose_seeds(xyz, foreground, batch_offsets, self.num_seeds, self.seed_threshold)
         votes = xyz[seeds] + offsets[seeds]
         vote_features = features[seeds] + self.vote_residual(hidden[seeds])
         rows, anchor_offsets = furthest_point_sample_batch(votes, seed_offsets, self.num_proposals)
         anchors = votes[rows]
         groups = ball_query(votes, anchors, self.radius, self.samples, seed_offsets, anchor_offsets)
-        prediction = self._boxes(groups, anchors, votes, xyz[seeds], vote_features)
+        prediction = self._boxes(groups, anchors, votes, xyz[seeds], vote_features, foreground[seeds])
         members = torch.where(groups >= 0, seeds[groups.clamp_min(0)], -1) if len(seeds) else groups
         return VoteOutput(offsets, anchors, anchor_offsets, members, prediction)
 
-    def _boxes(self, groups: Tensor, anchors: Tensor, votes: Tensor, seeds: Tensor, features: Tensor) -> BoxPrediction:
+    def _boxes(
+        self, groups: Tensor, anchors: Tensor, votes: Tensor, seeds: Tensor, features: Tensor, foreground: Tensor
+    ) -> BoxPrediction:
+        """Boxes of the groups, from features of their votes and from the shape that their seeds outline."""
         local = (gather_groups(votes, groups) - anchors[:, None]) / self.radius
-        shape = (gather_groups(seeds, groups) - anchors[:, None]) / self.radius  # where the surface is seen from here
-        grouped = torch.cat([local, shape, gather_groups(features, groups)], dim=2)
+        surface = (gather_groups(seeds, groups) - anchors[:, None]) / self.radius
+        grouped = torch.cat([local, surface, gather_groups(features, groups)], dim=2)
         pooled = group_max(self.group_mlp(grouped), groups)
-        return split_prediction(self.box_out(self.box_mlp(pooled)), anchors, self.heading_bins)
+        weights = membership(local, gather_groups(foreground[:, None], groups)[..., 0], groups)
+        outline = self.shape_mlp(group_shape(surface, weights))
+        raw = self.box_out(self.box_mlp(torch.cat([pooled, outline], dim=1)))
+        return split_prediction(raw.float(), anchors, self.heading_bins)
 
     def targets(self, output: VoteOutput, labels: BatchLabels) -> ProposalTargets:
         """Assignment of the proposals to the boxes of their scenes."""
