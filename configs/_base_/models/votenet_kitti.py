@@ -15,7 +15,9 @@ model = dict(
         far=[1.6, 0.9, 1.1],
         unlabelled_weight='${unlabelled_weight}',
     ),
-    point_loss=dict(type='PointCrossEntropyLoss', balance=0.5, unlabelled_weight='${unlabelled_weight}'),
+    point_loss=dict(
+        type='PointCrossEntropyLoss', loss_weight=10.0, balance=0.5, unlabelled_weight='${unlabelled_weight}'
+    ),
     aug_loss=dict(type='JSAugLoss'),
     dice_loss=dict(type='DiceLoss'),
     scene_class_head=dict(type='SceneClassHead'),
