@@ -1,6 +1,14 @@
 # How points become regions and regions merge (METHOD 3, 5, 6), with lengths for a 64-beam street scan.
-descriptor = dict(type='AdaptedPFH', radius=0.5, max_neighbors=32)
-oversegmenter = dict(type='RegionGrowing')
+descriptor = dict(type='AdaptedPFH', radius=0.3, range_growth=0.1, max_neighbors=48)
+oversegmenter = dict(
+    type='RegionGrowing',
+    threshold=0.9,
+    zeta=0.05,
+    min_region=30,
+    max_edge=0.2,  # m at the sensor
+    range_growth=0.01,  # m a metre of range
+    ground=dict(),  # taken away before growing
+)
 graph_neighbors = 8
 max_gap = 0.6  # m between adjacent regions
 strategy = dict(rounds='${rounds}', centre_distance=[1.2, 0.5, 0.7, None])
