@@ -1,30 +1,35 @@
 """One scene in, labels out: merge its regions, and extend what is known of it (METHOD 1)."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.pseudo_labels.boxes import geometric_background, region_tops, robust_extents
+from rm3d_plugin.pseudo_labels.draft import (
+    Draft,
+    Grouped,
+    check_rows,
+    draft_of,
+    group_regions,
+    keep_previous,
+    overlay,
+    supported_points,
+)
 from rm3d_plugin.pseudo_labels.objects import EarlierObjects, ObjectRules, Objects, PointVotes, find_objects
 from rm3d_plugin.pseudo_labels.propagate import (
-    GroupLabels,
-    label_groups,
     nearest_instances,
     point_values,
-    pool_rows,
     seen_rows,
     split_mixed,
 )
-from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_by_boxes, known_points, known_regions
-from rm3d_plugin.regions import MergeResult, MergeStrategy, merge
+from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_by_boxes, known_points
+from rm3d_plugin.regions import MergeResult, MergeStrategy
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, RegionGraph, Regions
 
 BACKGROUND_CONFIDENCE = 0.9  # of what geometry alone calls background
 GROUND_HEIGHT = 0.15  # m; points of no region that are lower than this above ground are ground
-BOX_REGION_SHARE = 0.5  # share of a region that a revealed box must hold to name it
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,21 +45,6 @@ class RefreshResult:
     labels: PseudoLabels
     merge: MergeResult
     stats: dict[str, float]
-
-
-class _Draft(NamedTuple):
-    """Labels of points before truth is laid over them."""
-
-    semantic: Int[np.ndarray, ' points']
-    confidence: Float[np.ndarray, ' points']
-
-
-class _Grouped(NamedTuple):
-    """Result of merging, for groups and for points."""
-
-    merge: MergeResult
-    groups: GroupLabels
-    points: Int[np.ndarray, ' points']
 
 
 def refresh_detection(
@@ -100,13 +90,15 @@ def refresh_detection(
     """
     rules = rules or ObjectRules()
     xyz, background = prepared_cloud.xyz, len(priors)
-    _check_rows(len(xyz), regions=regions.labels, weak=weak, height_above_ground=height_above_ground)
+    check_rows(len(xyz), regions=regions.labels, weak=weak, height_above_ground=height_above_ground)
     truth = known_by_boxes(xyz, weak, background)
-    grouped = _group(regions, graph, truth, probabilities, centers, strategy, round, _pad(class_counts, background + 1))
+    grouped = group_regions(
+        regions, graph, truth, probabilities, centers, strategy, round, _pad(class_counts, background + 1)
+    )
     grouped = _split(grouped, regions, probabilities, strategy, rules)
     surely, large = _background_points(xyz, regions, priors, height_above_ground, rules)
     surely, large = (surely & (truth.seeds < 0)) | truth.shell, large & (truth.seeds < 0)
-    supported = _supported(previous, grouped, strategy)
+    supported = supported_points(previous, grouped, strategy)
     if supported is not None and previous is not None:
         supported &= ~(large & (previous.semantic == background))  # asked again below, in every round
     objects = find_objects(
@@ -121,11 +113,11 @@ def refresh_detection(
         _votes(probabilities, centers, len(xyz)),
         rules,
     )
-    draft = _overlay(_draft(grouped), objects.rejected, UNLABELLED, 0.0)
-    draft = _overlay(draft, surely | (large & (objects.point_box < 0)), background, BACKGROUND_CONFIDENCE)
-    draft = _keep_previous(draft, previous, supported)
+    draft = overlay(draft_of(grouped), objects.rejected, UNLABELLED, 0.0)
+    draft = overlay(draft, surely | (large & (objects.point_box < 0)), background, BACKGROUND_CONFIDENCE)
+    draft = keep_previous(draft, previous, supported)
     draft, objects = _fill_boxes(xyz, draft, objects)
-    draft = _overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
+    draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     labels = _with_boxes(draft, truth, objects, weak)
     return RefreshResult(labels, grouped.merge, _stats(labels, grouped) | objects.counts)
 
@@ -165,11 +157,11 @@ def refresh_points(
         ValueError: A row count does not fit.
     """
     xyz = prepared_cloud.xyz
-    _check_rows(len(xyz), regions=regions.labels, weak=weak)
+    check_rows(len(xyz), regions=regions.labels, weak=weak)
     truth = known_points(weak)
-    grouped = _group(regions, graph, truth, probabilities, centers, strategy, round, np.asarray(class_counts))
-    draft = _keep_previous(_draft(grouped), previous, _supported(previous, grouped, strategy))
-    draft = _overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
+    grouped = group_regions(regions, graph, truth, probabilities, centers, strategy, round, np.asarray(class_counts))
+    draft = keep_previous(draft_of(grouped), previous, supported_points(previous, grouped, strategy))
+    draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes)
     labels = PseudoLabels(
         semantic=draft.semantic,
@@ -183,53 +175,17 @@ def refresh_points(
     return RefreshResult(labels, grouped.merge, _stats(labels, grouped))
 
 
-def _check_rows(expected: int, **arrays: np.ndarray | WeakLabels | None) -> None:
-    for name, array in arrays.items():
-        if array is not None and len(array) != expected:
-            raise ValueError(f'refresh: {name} has {len(array)} rows, expected {expected} (one a point of the scene)')
-
-
 def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:
     return np.append(counts, np.zeros(classes - len(counts), dtype=np.int64)).astype(np.int64)
 
 
-def _group(
-    regions: Regions,
-    graph: RegionGraph,
-    truth: Truth,
-    probabilities: np.ndarray | None,
-    centers: np.ndarray | None,
-    strategy: MergeStrategy,
-    round: int,
-    class_counts: np.ndarray,
-) -> _Grouped:
-    """Merge the regions and decide the class of every group."""
-    n, count = len(regions.labels), len(regions)
-    rows = np.full((n, len(class_counts)), np.nan) if probabilities is None else probabilities
-    if rows.shape != (n, len(class_counts)):
-        raise ValueError(f'refresh: probabilities have shape {rows.shape}, expected {(n, len(class_counts))}')
-    seen = seen_rows(rows)
-    pooled = pool_rows(rows, seen, regions.labels, count, strategy.pooling)
-    known = known_regions(regions, truth, BOX_REGION_SHARE)
-    pooled_centers = None
-    if centers is not None:
-        _check_rows(n, centers=centers)
-        pooled_centers = pool_rows(centers, seen & np.isfinite(centers).all(axis=1), regions.labels, count).values
-    result = merge(regions, graph, pooled.values, known.labels, strategy, round, pooled_centers, known.instances)
-    # What a box tells exactly shall not speak for the rest of its region.
-    bounded = (truth.semantic >= 0) & (truth.seeds < 0)
-    outside = pool_rows(rows, seen & ~bounded, regions.labels, count, strategy.pooling)
-    groups = label_groups(result.group, outside, regions.labels, truth.seeds, class_counts, strategy.gamma)
-    return _Grouped(result, groups, point_values(result.group, regions.labels, -1))
-
-
 def _split(
-    grouped: _Grouped,
+    grouped: Grouped,
     regions: Regions,
     probabilities: Float[np.ndarray, 'points classes'] | None,
     strategy: MergeStrategy,
     rules: ObjectRules,
-) -> _Grouped:
+) -> Grouped:
     if probabilities is None or rules.part_share > 1:
         return grouped
     groups, points = split_mixed(
@@ -241,23 +197,7 @@ def _split(
         rules.part_share,
         rules.min_points,
     )
-    return _Grouped(grouped.merge, groups, points)
-
-
-def _draft(grouped: _Grouped) -> _Draft:
-    return _Draft(
-        point_values(grouped.groups.classes, grouped.points, UNLABELLED),
-        point_values(grouped.groups.confidence, grouped.points, 0.0).astype(np.float32),
-    )
-
-
-def _overlay(
-    draft: _Draft, where: Bool[np.ndarray, ' points'], semantic: np.ndarray | int, confidence: np.ndarray | float
-) -> _Draft:
-    return _Draft(
-        np.where(where, semantic, draft.semantic).astype(np.int64),
-        np.where(where, confidence, draft.confidence).astype(np.float32),
-    )
+    return Grouped(grouped.merge, groups, points)
 
 
 def _background_points(
@@ -283,32 +223,6 @@ def _background_points(
     return point_values(tall, regions.labels, False).astype(bool) | ground, of_large
 
 
-def _supported(
-    previous: PseudoLabels | None, grouped: _Grouped, strategy: MergeStrategy
-) -> Bool[np.ndarray, ' points'] | None:
-    """Points whose earlier pseudo label stays: all, or where demotion is on those that the network still supports."""
-    if previous is None:
-        return None
-    _check_rows(len(grouped.points), previous=previous.semantic)
-    labelled = (previous.semantic >= 0) & ~previous.point_is_true
-    if strategy.permanent:
-        return np.asarray(labelled)
-    groups, classes = grouped.groups, np.maximum(previous.semantic, 0)
-    table = np.vstack([groups.probabilities, np.full((1, groups.probabilities.shape[1]), np.nan)])
-    lost = table[grouped.points, classes] < strategy.gamma - strategy.demote_margin  # NaN: no evidence against it
-    by_truth = point_values(groups.from_truth, grouped.points, False)
-    agrees = point_values(groups.classes, grouped.points, UNLABELLED) == previous.semantic
-    return np.asarray(labelled & (~lost | (by_truth & agrees)))
-
-
-def _keep_previous(
-    draft: _Draft, previous: PseudoLabels | None, supported: Bool[np.ndarray, ' points'] | None
-) -> _Draft:
-    if previous is None or supported is None:
-        return draft
-    return _overlay(draft, supported, previous.semantic, previous.confidence)
-
-
 def _earlier_objects(
     previous: PseudoLabels | None, supported: Bool[np.ndarray, ' points'] | None
 ) -> EarlierObjects | None:
@@ -330,18 +244,18 @@ def _votes(
     return PointVotes(likely, centers)
 
 
-def _fill_boxes(xyz: Float[np.ndarray, 'points 3'], draft: _Draft, objects: Objects) -> tuple[_Draft, Objects]:
+def _fill_boxes(xyz: Float[np.ndarray, 'points 3'], draft: Draft, objects: Objects) -> tuple[Draft, Objects]:
     """Points in a pseudo box that are of its class or of which nothing else is known are its object's."""
     assert objects.boxes.scores is not None
     inside = points_in_boxes(xyz, objects.boxes.tensor)
     label = np.append(objects.boxes.labels, -1)[inside]
     fill = (inside >= 0) & (draft.semantic == UNLABELLED)
     own = fill | ((inside >= 0) & (objects.point_box < 0) & (draft.semantic == label))
-    filled = _overlay(draft, fill, label, np.append(objects.boxes.scores, 0.0)[inside])
+    filled = overlay(draft, fill, label, np.append(objects.boxes.scores, 0.0)[inside])
     return filled, objects._replace(point_box=np.where(own, inside, objects.point_box))
 
 
-def _with_boxes(draft: _Draft, truth: Truth, objects: Objects, weak: WeakLabels) -> PseudoLabels:
+def _with_boxes(draft: Draft, truth: Truth, objects: Objects, weak: WeakLabels) -> PseudoLabels:
     """Labels with true boxes first, and every point's row of them."""
     found, revealed = objects.boxes, weak.boxes
     assert found.scores is not None and revealed.scores is not None
@@ -367,7 +281,7 @@ def _with_boxes(draft: _Draft, truth: Truth, objects: Objects, weak: WeakLabels)
 def _point_instances(
     xyz: Float[np.ndarray, 'points 3'],
     semantic: Int[np.ndarray, ' points'],
-    grouped: _Grouped,
+    grouped: Grouped,
     truth: Truth,
     thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...],
 ) -> Int[np.ndarray, ' points']:
@@ -382,7 +296,7 @@ def _point_instances(
     return np.where(truth.semantic >= 0, truth.instance, instance).astype(np.int64)
 
 
-def _stats(labels: PseudoLabels, grouped: _Grouped) -> dict[str, float]:
+def _stats(labels: PseudoLabels, grouped: Grouped) -> dict[str, float]:
     return {
         'coverage': labels.coverage,
         'true_share': float(labels.point_is_true.mean()) if len(labels) else 0.0,

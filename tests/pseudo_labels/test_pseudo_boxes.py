@@ -18,7 +18,7 @@ SIZES = np.array([CAR, [0.8, 0.6, 1.73], [1.76, 0.6, 1.73]])
 
 def faces(box, n=40):
     """Points on the sides of a box that look at the origin."""
-    corners = Boxes3D(box[None], np.zeros(1)).corners()[0, :4]
+    corners = Boxes3D(box[None], np.zeros(1, dtype=int)).corners()[0, :4]
     out = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         middle, along = (a + b)[:2] / 2, (b - a)[:2]
@@ -77,7 +77,7 @@ def test_few_points():
 
 def test_tight_boxes():
     box = np.array([4.0, 3.0, 1.0, 4.0, 2.0, 2.0, 0.5])
-    points = Boxes3D(box[None], np.zeros(1)).corners()[0]
+    points = Boxes3D(box[None], np.zeros(1, dtype=int)).corners()[0]
     assert pb.tight_box(points) == pytest.approx(box, abs=0.02)
     flat = pb.tight_box(points, yaw_fitted=False)
     assert flat[:3] == pytest.approx([4, 3, 1])
@@ -133,8 +133,8 @@ def test_robust_extents_of_an_even_plate_with_strays():
 
 def test_suppression():
     rows = np.array([[0.0, 0, 0, 4, 2, 1, 0], [0.5, 0, 0, 4, 2, 1, 0], [10, 0, 0, 4, 2, 1, 0], [30, 0, 0, 4, 2, 1, 0]])
-    boxes = Boxes3D(rows, np.zeros(4))
-    true = Boxes3D(np.array([[10.0, 0.2, 5, 4, 2, 1, 0]]), np.zeros(1))
+    boxes = Boxes3D(rows, np.zeros(4, dtype=int))
+    true = Boxes3D(np.array([[10.0, 0.2, 5, 4, 2, 1, 0]]), np.zeros(1, dtype=int))
     assert pb.suppress(boxes, np.array([1.0, 2, 9, 1]), true).tolist() == [1, 1, -1, 3]
     assert pb.suppress(boxes, np.ones(4), Boxes3D.empty()).tolist() == [0, 0, 2, 3]
     assert len(pb.suppress(Boxes3D.empty(), np.zeros(0), true)) == 0

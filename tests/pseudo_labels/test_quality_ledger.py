@@ -53,7 +53,7 @@ def test_a_report_leaves_out_what_was_revealed():
         box_is_true=np.array([True, False]),
     )
     hidden = np.array([CAR, [20.0, 0, 0, 4, 2, 1.5, 0], [30.0, 0, 0, 4, 2, 1.5, 0]])
-    truth = SceneTruth(np.array([0, 1, 0, 1]), Boxes3D(hidden, np.zeros(3)), np.array([1.0, 1, 1, 40]))
+    truth = SceneTruth(np.array([0, 1, 0, 1]), Boxes3D(hidden, np.zeros(3, dtype=int)), np.array([1.0, 1, 1, 40]))
     report = pseudo_report([(labels, truth)], ('Car', 'background'), (0.7,)).as_dict()
     assert report['coverage'] == 0.75
     assert report['precision'] == 0.5

@@ -62,7 +62,7 @@ class Street:
     def shuffle(self, labels, order=None):
         order = np.arange(len(labels)) if order is None else order
         self.xyz, self.part, self.truth = self.xyz[order], self.part[order], self.truth[order]
-        self.cloud = PointCloud(self.xyz, sensor=(0, 0, 0))
+        self.cloud = PointCloud(self.xyz, sensor=(0.0, 0.0, 0.0))
         self.regions = Regions(labels[order])
         self.height = self.xyz[:, 2].copy()
         r = len(self.regions)
@@ -320,7 +320,7 @@ def test_one_point_labels_its_region_and_with_confidence_its_group(street):
 def test_two_labelled_instances_stay_two(street):
     # Both halves of one car carry a label of another instance: an error in the labels, yet never one group.
     semantic, instance = np.full(len(street.xyz), -1), np.full(len(street.xyz), -1)
-    halves = np.unique(street.regions.labels[street.part == 0])
+    halves = np.unique(street.regions.labels[street.part == 0]).tolist()
     for number, region in enumerate(halves):
         semantic[street.regions.points_of(region)[0]], instance[street.regions.points_of(region)[0]] = 0, number
     weak = WeakLabels(semantic, instance, Boxes3D.empty())
