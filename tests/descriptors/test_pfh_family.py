@@ -155,7 +155,7 @@ def test_radius_grows_with_range():
     part = AdaptedPFH(radius=0.5, range_growth=0.2, max_neighbors=None)
     got = part.compute(cloud(line, np.tile([0, 0, 1.0], (60, 1))))
     np.testing.assert_array_equal(got.valid, np.arange(60) >= 10)  # 0.5 * 0.2 * 10 = 1 m reaches both neighbours
-    moved = part.compute(cloud(line, np.tile([0, 0, 1.0], (60, 1)), sensor=(59.0, 0, 0)))
+    moved = part.compute(cloud(line, np.tile([0, 0, 1.0], (60, 1)), sensor=(59.0, 0.0, 0.0)))
     np.testing.assert_array_equal(moved.valid, np.arange(60) <= 49)
 
 
