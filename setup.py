@@ -29,8 +29,6 @@ setup(
         'tqdm>=4.66',
         'tensorboard>=2.17',
         'setuptools>=77.0.3,<82',  # torch needs the first, mmengine's pkg_resources the second
-        'open3d-cpu==0.20.0; platform_system == "Linux" and platform_machine == "x86_64"',
-        'open3d>=0.19; platform_system != "Linux" or platform_machine != "x86_64"',
     ],
     extras_require={
         'test': [
@@ -43,6 +41,7 @@ setup(
             'import-linter>=2.1',
         ],
         'docs': ['mkdocs-material>=9.5'],
-        'viz': ['plotly>=5'],
+        'viz': ['plotly>=5'],  # turnable 3D pages
+        'peers': ['open3d-cpu==0.20.0'],  # only compared with, in tests and benchmarks; needs libusb and libGL
     },
 )

@@ -5,7 +5,11 @@ import os
 import sys
 from collections.abc import Sequence
 
-from rm3d_plugin.engine.run import add_config_arguments, config_of, exit_code, train
+from mmengine.dist import is_main_process
+
+from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.engine.report import result_table
+from rm3d_plugin.engine.run import DEMO_NOTE, add_config_arguments, config_of, exit_code, train
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -18,7 +22,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args(arguments)
     os.environ.setdefault('LOCAL_RANK', str(args.local_rank))
-    train(config_of(args), resume=args.resume, amp=args.amp, launcher=args.launcher)
+    config = config_of(args)
+    work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher)
+    if is_main_process():
+        print(result_table(read_record(work_dir)['final']))
+        print(f'{DEMO_NOTE}\n' * config.is_demo + f'report: {work_dir / "report.html"}')
 
 
 if __name__ == '__main__':

@@ -44,6 +44,15 @@ def result_rows(scores: Mapping[str, float]) -> list[ResultRow]:
     ]
 
 
+def result_table(scores: Mapping[str, float]) -> str:
+    """The same rows as plain text, one a line."""
+    lines = [f'{"class":<12}{"metric":<22}{"easy":>8}{"moderate":>10}{"hard":>8}']
+    for row in result_rows(scores):
+        numbers = f'{row.easy:8.2f}{row.moderate:10.2f}{row.hard:8.2f}'
+        lines.append(f'{row.class_name:<12}{row.metric:<22}{numbers}')
+    return '\n'.join(lines)
+
+
 def loss_chart(losses: Mapping[str, Mapping[str, float]]) -> Chart | None:
     """Mean losses of every epoch; None before the first."""
     epochs = sorted(losses, key=int)

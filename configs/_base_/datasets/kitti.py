@@ -70,5 +70,5 @@ val_dataloader = dict(
     ),
 )
 test_dataloader = '${val_dataloader}'
-val_evaluator = dict(type='KittiMetric', classes='${classes}')
+val_evaluator = dict(type='KittiMetric', classes='${classes}', metrics=['bev', '3d'])
 test_evaluator = '${val_evaluator}'
