@@ -17,6 +17,8 @@ DATA_SAMPLERS = parent.Registry(
 TRANSFORMS = parent.Registry('transform', parent=parent.TRANSFORMS, scope=SCOPE, locations=['rm3d_plugin.datasets'])
 METRICS = parent.Registry('metric', parent=parent.METRICS, scope=SCOPE, locations=['rm3d_plugin.evaluation'])
 HOOKS = parent.Registry('hook', parent=parent.HOOKS, scope=SCOPE, locations=['rm3d_plugin.engine'])
+VISUALIZERS = parent.Registry('visualizer', parent=parent.VISUALIZERS, scope=SCOPE)
+VISBACKENDS = parent.Registry('vis_backend', parent=parent.VISBACKENDS, scope=SCOPE)
 LOOPS = parent.Registry('loop', parent=parent.LOOPS, scope=SCOPE, locations=['rm3d_plugin.engine'])
 TASK_UTILS = parent.Registry('task util', parent=parent.TASK_UTILS, scope=SCOPE, locations=['rm3d_plugin.engine'])
 
