@@ -68,9 +68,9 @@ def set_threads(count: int) -> None:
     import numba
     import torch
 
-    count = count or len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else count or os.cpu_count() or 1
-    torch.set_num_threads(count)
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    free = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
+    torch.set_num_threads(count or free)
+    numba.config.NUMBA_NUM_THREADS = count or free  # what ops._parallel asks
 
 
 def train(config: Config, resume: bool = False, amp: bool = False, launcher: str = 'none') -> Path:
