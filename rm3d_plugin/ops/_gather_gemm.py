@@ -28,6 +28,7 @@ VECTOR_BYTES = 64  # one AVX-512 register or two AVX2 ones
 BLOCK_ROWS = 1024  # output rows worked on together: their sums and inputs stay in the second-level cache
 CHUNK_PAIRS = 96  # pairs per weight-gradient tile: both their rows stay in the first-level cache
 PART_ROWS = 8192  # rows per partial weight gradient; partial sums are added in order, so threads never race
+# Two AVX2 registers hold a vector where AVX-512 is missing, so tiles are smaller there.
 _WIDE = bool(binding.get_host_cpu_features().get('avx512f', False))
 # Pairs per tile for one, two and four vectors of channels: the sums fill the registers without spilling.
 _ROWS_1, _ROWS_2, _ROWS_4 = (8, 8, 6) if _WIDE else (6, 2, 1)

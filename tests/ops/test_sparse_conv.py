@@ -1,6 +1,10 @@
 """Sparse convolution against dense convolution, finite differences and hand-worked cases."""
 
 import itertools
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -139,6 +143,38 @@ def test_kernels_equal_plain_torch(channels, dtype):
     torch.testing.assert_close(
         _weight_grad(values, grad, kernel_map), _weight_grad_plain(values, grad, kernel_map), **close
     )
+
+
+def test_the_tiles_of_other_processors_give_the_same_bits(tmp_path):
+    code = """if True:
+        import sys
+        import torch
+        from llvmlite import binding
+        binding.get_host_cpu_features = dict
+        torch.set_num_threads(1)
+        from rm3d_plugin.ops import _gather_gemm as kernels
+        from rm3d_plugin.ops.kernel_map import KernelSpec, VoxelLevel
+        assert kernels._ROWS_4 == 1
+        saved = torch.load(sys.argv[1], weights_only=True)
+        kernel_map = VoxelLevel(saved['coords']).kernel_map(KernelSpec((3, 3, 3)))
+        pairs = kernel_map.pair_in.numpy(), kernel_map.pair_out.numpy(), kernel_map.starts
+        x, weight = saved['x'].numpy(), saved['weight'].numpy()
+        out = kernels.gather_gemm(x, weight, *pairs, len(x))
+        torch.save([torch.from_numpy(a) for a in (out, kernels.gather_outer(x, out, *pairs))], sys.argv[2])
+    """
+    torch.manual_seed(6)
+    level = random_level(0.4)
+    values, weight = torch.randn(len(level), 10), torch.randn(27, 10, 112)
+    given, made = tmp_path / 'given.pt', tmp_path / 'made.pt'
+    torch.save(dict(coords=level.coords, x=values, weight=weight), given)
+    names = dict(NUMBA_CPU_NAME='haswell', NUMBA_CPU_FEATURES='+avx2,+fma', NUMBA_CACHE_DIR=str(tmp_path))
+    command = [sys.executable, '-c', code, str(given), str(made)]
+    subprocess.run(command, env=os.environ | names, check=True, cwd=Path(__file__).parents[2])
+    kernel_map = level.kernel_map(KernelSpec((3, 3, 3)))
+    out, grad = torch.load(made, weights_only=True)
+    wanted = _forward(values, weight, kernel_map)
+    assert torch.equal(out, wanted)
+    assert torch.equal(grad, _weight_grad(values, wanted, kernel_map))
 
 
 def test_same_bits_for_every_number_of_threads():

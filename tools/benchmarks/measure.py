@@ -5,23 +5,35 @@ import platform
 import statistics
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import torch
 
 
-def interleaved_medians(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Median wall seconds of each job; the jobs take turns, so that other load on the machine meets all of them."""
-    times: dict[str, list[float]] = {name: [] for name in jobs}
+class Seconds(NamedTuple):
+    """Median seconds of a job.
+
+    Attributes:
+        wall: On the clock; other load on the machine counts.
+        cpu: Of processor time, summed over threads: what the job itself costs.
+    """
+
+    wall: float
+    cpu: float
+
+
+def interleaved_medians(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, Seconds]:
+    """Median seconds of each job; the jobs take turns, so that other load on the machine meets all of them."""
+    times: dict[str, list[tuple[float, float]]] = {name: [] for name in jobs}
     for job in jobs.values():
         job()  # compiles, fills caches
     for _ in range(repeats):
         for name, job in jobs.items():
-            start = time.perf_counter()
+            wall, cpu = time.perf_counter(), time.process_time()
             job()
-            times[name].append(time.perf_counter() - start)
-    return {name: statistics.median(values) for name, values in times.items()}
+            times[name].append((time.perf_counter() - wall, time.process_time() - cpu))
+    return {name: Seconds(*map(statistics.median, zip(*values, strict=True))) for name, values in times.items()}
 
 
 def matrix_product(side: int = 768) -> tuple[Callable[[], object], float]:

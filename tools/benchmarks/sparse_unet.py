@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
         jobs |= spconv_jobs(level.coords, features, args.channels, args.blocks, args.backward)
     seconds = interleaved_medians(jobs, args.repeats)
-    rate = product_operations / seconds.pop('product')
+    rate = product_operations / seconds.pop('product').cpu
     result = {
         'voxels': len(level),
         'active_neighbours': round(int(level.kernel_map(spec).starts[-1]) / len(level), 2),
@@ -60,15 +60,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         'parameters': sum(p.numel() for p in net.parameters()),
         'flops': operations,
         'gemm_gflops': rate / 1e9,
-        **seconds,
-        'forward_gflops': operations / seconds['forward_s'] / 1e9,
-        'forward_share_of_gemm': operations / seconds['forward_s'] / rate,
+        **{name: measured.wall for name, measured in seconds.items()},
+        **{name.removesuffix('_s') + '_cpu_s': measured.cpu for name, measured in seconds.items()},
+        'forward_share_of_gemm': operations / seconds['forward_s'].cpu / rate,
         'machine': machine(),
     }
     if args.backward:
         total = 3 * operations  # backward: as much again for the inputs' gradient, and for the weights'
         result['forward_backward_flops'] = total
-        result['forward_backward_share_of_gemm'] = total / seconds['forward_backward_s'] / rate
+        result['forward_backward_share_of_gemm'] = total / seconds['forward_backward_s'].cpu / rate
     return result
 
 
