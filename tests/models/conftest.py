@@ -27,7 +27,7 @@ class PointNetStandIn(nn.Module):
 
     def forward(self, xyz, features, batch_offsets):
         scene = torch.arange(len(batch_offsets) - 1).repeat_interleave(batch_offsets.diff())
-        hidden = self.first(torch.cat([xyz / 5.0, features], dim=1))
+        hidden = self.first(torch.cat([xyz / 5.0, features], dim=1)).float()
         cells = torch.cat([scene[:, None], (xyz[:, :2] / 2.0).floor().long()], dim=1)
         _, inverse = torch.unique(cells, dim=0, return_inverse=True)
         count = int(inverse.max()) + 1 if len(inverse) else 0

@@ -63,6 +63,7 @@ class RM3DVoteNet(BaseModel):
         predict_points: Also predict class probabilities and votes of all points (for pseudo labels).
         score_threshold: A box with a lower score is not predicted.
         nms_iou: Overlap from above that makes two boxes of a class duplicates.
+        fuse_iou: Overlap from above at which duplicates are averaged into the box that stays; None: they are dropped.
         max_boxes: Most boxes a scene.
         score_by_points: Scores also ask P_out of the grouped points.
         data_preprocessor: ``ScenePreprocessor`` by default.
@@ -82,6 +83,7 @@ class RM3DVoteNet(BaseModel):
         predict_points: bool = False,
         score_threshold: float = 0.05,
         nms_iou: float = 0.25,
+        fuse_iou: float | None = 0.5,
         max_boxes: int = 100,
         score_by_points: bool = False,
         data_preprocessor: dict[str, Any] | None = None,
@@ -92,6 +94,7 @@ class RM3DVoteNet(BaseModel):
         self.heights = (float(heights[0]), float(heights[1]))
         self.predict_points, self.score_by_points = predict_points, score_by_points
         self.score_threshold, self.nms_iou, self.max_boxes = score_threshold, nms_iou, max_boxes
+        self.fuse_iou = fuse_iou
         self.backbone = MODELS.build(backbone)
         channels = self.backbone.out_channels
         self.point_branch = nn.Linear(channels, num_classes + 1)
@@ -192,7 +195,6 @@ class RM3DVoteNet(BaseModel):
         if self.score_by_points:
             there = (members >= 0).sum(dim=1, keepdim=True).clamp_min(1)
             group_probs = gather_groups(probs[:, :-1], members).sum(dim=1) / there
-        found = decode_scene(
-            prediction, self.vote_head.mean_sizes, group_probs, self.score_threshold, self.nms_iou, self.max_boxes
-        )
+        limits = (self.score_threshold, self.nms_iou, self.max_boxes, self.fuse_iou)
+        found = decode_scene(prediction, self.vote_head.mean_sizes, group_probs, *limits)
         sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d = found

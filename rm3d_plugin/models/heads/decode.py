@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from rm3d_plugin.models.heads.box_coder import BoxPrediction, decode_boxes
-from rm3d_plugin.ops.boxes import nms_bev
+from rm3d_plugin.ops.boxes import nms_bev, rotated_iou_bev
 
 
 class Detections(NamedTuple):
@@ -42,12 +42,41 @@ def class_scores(
     return objectness * (classes * group_probs.clamp(0.0, 1.0)).sqrt()
 
 
+def fuse_boxes(
+    boxes: Float[np.ndarray, 'boxes 7'],
+    scores: Float[np.ndarray, ' boxes'],
+    labels: Int[np.ndarray, ' boxes'],
+    kept: Int[np.ndarray, ' kept'],
+    iou: float,
+) -> Float[np.ndarray, 'kept 7']:
+    """Average each kept box with the boxes of its class that overlap it by more than ``iou``.
+
+    Weights are score squared times overlap, so that doubtful boxes move little. Headings are averaged as lines: a box
+    that points the other way supports the same outline, and the kept box tells front from back.
+
+    Args:
+        boxes: All boxes of a scene.
+        scores: In [0, 1].
+        labels: Classes.
+        kept: Rows that the suppression kept.
+        iou: Seen from above. Larger: fewer boxes are asked.
+    """
+    overlap = rotated_iou_bev(boxes[kept], boxes)
+    weights = np.where((overlap > iou) & (labels[kept][:, None] == labels[None]), overlap * scores**2, 0.0)
+    weights[np.arange(len(kept)), kept] = np.maximum(scores[kept] ** 2, 1e-12)
+    weights /= weights.sum(axis=1, keepdims=True)
+    turn = 2.0 * (boxes[None, :, 6] - boxes[kept, None, 6])
+    shift = 0.5 * np.arctan2((weights * np.sin(turn)).sum(axis=1), (weights * np.cos(turn)).sum(axis=1))
+    return np.concatenate([weights @ boxes[:, :6], (boxes[kept, 6] + shift)[:, None]], axis=1)
+
+
 def select_boxes(
     boxes: Float[Tensor, 'proposals 7'],
     scores: Float[Tensor, 'proposals classes'],
     threshold: float,
     nms_iou: float,
     limit: int,
+    fuse_iou: float | None = None,
 ) -> Detections:
     """Every proposal competes in every class; the best of boxes that overlap (seen from above) stays.
 
@@ -57,14 +86,15 @@ def select_boxes(
         threshold: A lower score is dropped first.
         nms_iou: Overlap above which the lesser box goes (.25 in METHOD 7).
         limit: Most boxes a scene.
+        fuse_iou: See :func:`fuse_boxes`; None keeps the best box as it is.
     """
-    row, label = (scores >= threshold).nonzero(as_tuple=True)
-    score, box = scores[row, label].cpu(), boxes[row].cpu()
-    label = label.cpu()
-    kept = nms_bev(box.double().numpy(), score.double().numpy(), nms_iou, label.numpy())
-    kept = kept[np.argsort(-score.numpy()[kept], kind='stable')][:limit]
-    index = torch.from_numpy(kept)
-    return Detections(box[index].float(), label[index], score[index].float())
+    row, kind = (scores >= threshold).nonzero(as_tuple=True)
+    score, box = scores[row, kind].double().cpu().numpy(), boxes[row].double().cpu().numpy()
+    label = kind.cpu().numpy()
+    kept = nms_bev(box, score, nms_iou, label)
+    kept = kept[np.argsort(-score[kept], kind='stable')][:limit]
+    chosen = box[kept] if fuse_iou is None or not len(kept) else fuse_boxes(box, score, label, kept, fuse_iou)
+    return Detections(*(torch.from_numpy(v) for v in (chosen.astype(np.float32), label[kept], np.float32(score[kept]))))
 
 
 def decode_scene(
@@ -74,7 +104,8 @@ def decode_scene(
     threshold: float = 0.05,
     nms_iou: float = 0.25,
     limit: int = 100,
+    fuse_iou: float | None = None,
 ) -> Detections:
-    """Boxes of one scene from its proposals."""
+    """Boxes of one scene from its proposals; arguments as in :func:`select_boxes`."""
     boxes = decode_boxes(prediction, mean_sizes)
-    return select_boxes(boxes, class_scores(prediction, group_probs), threshold, nms_iou, limit)
+    return select_boxes(boxes, class_scores(prediction, group_probs), threshold, nms_iou, limit, fuse_iou)

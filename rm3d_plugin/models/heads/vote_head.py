@@ -23,6 +23,8 @@ from rm3d_plugin.ops.grouping import ball_query, gather_groups, group_max
 from rm3d_plugin.ops.sampling import furthest_point_sample_batch
 from rm3d_plugin.registry import MODELS
 
+_EPS = 1e-6  # where no vote around a proposal is foreground, all count alike
+
 
 class VoteOutput(NamedTuple):
     """What the head computed for a batch.
@@ -85,6 +87,7 @@ class VoteHead(nn.Module):
             doubtful points.
         vote_balance: See :func:`vote_targets`.
         unlabelled_weight: See :func:`known_share`.
+        mean_shifts: Steps that move a proposal to the mean of the votes around it; 0 = VoteNet's proposals.
         loss_weight: Factor of VoteNet's loss (10 in METHOD 7).
     """
 
@@ -108,6 +111,7 @@ class VoteHead(nn.Module):
         seed_threshold: float = 0.2,
         vote_balance: float = 0.5,
         unlabelled_weight: float = 0.0,
+        mean_shifts: int = 1,
         loss_weight: float = 10.0,
     ) -> None:
         super().__init__()
@@ -116,6 +120,7 @@ class VoteHead(nn.Module):
         self.radius, self.samples = radius, samples
         self.seed_threshold, self.vote_balance = seed_threshold, vote_balance
         self.unlabelled_weight, self.loss_weight = unlabelled_weight, loss_weight
+        self.mean_shifts = mean_shifts
         self.register_buffer('mean_sizes', torch.ones(num_classes, 3))
         self.register_buffer('near', _by_class(near, num_classes, 'near'), persistent=False)
         self.register_buffer('far', _by_class(far, num_classes, 'far'), persistent=False)
@@ -161,11 +166,25 @@ class VoteHead(nn.Module):
         votes = xyz[seeds] + offsets[seeds]
         vote_features = features[seeds] + self.vote_residual(hidden[seeds])
         rows, anchor_offsets = furthest_point_sample_batch(votes, seed_offsets, self.num_proposals)
-        anchors = votes[rows]
+        anchors = self._shift(votes[rows], votes, foreground[seeds], anchor_offsets, seed_offsets)
         groups = ball_query(votes, anchors, self.radius, self.samples, seed_offsets, anchor_offsets)
         prediction = self._boxes(groups, anchors, votes, xyz[seeds], vote_features, foreground[seeds])
         members = torch.where(groups >= 0, seeds[groups.clamp_min(0)], -1) if len(seeds) else groups
         return VoteOutput(offsets, anchors, anchor_offsets, members, prediction)
+
+    def _shift(
+        self, anchors: Tensor, votes: Tensor, foreground: Tensor, anchor_offsets: Tensor, vote_offsets: Tensor
+    ) -> Tensor:
+        """Move proposals to where the votes around them agree: furthest point sampling starts them at the fringe."""
+        for _ in range(self.mean_shifts):
+            groups = ball_query(votes, anchors, self.radius, self.samples, vote_offsets, anchor_offsets)
+            near = gather_groups(votes, groups)
+            local = (near - anchors[:, None]).detach() / self.radius
+            weights = membership(local, gather_groups(foreground[:, None], groups)[..., 0], groups) + _EPS * (
+                groups >= 0
+            )
+            anchors = (near * weights[..., None]).sum(dim=1) / weights.sum(dim=1, keepdim=True)
+        return anchors
 
     def _boxes(
         self, groups: Tensor, anchors: Tensor, votes: Tensor, seeds: Tensor, features: Tensor, foreground: Tensor

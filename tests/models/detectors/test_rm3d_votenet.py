@@ -43,13 +43,13 @@ def test_overfits_a_tiny_world(world):
     items = [world.make_scene(seed, classes=(0, 1, 2)) for seed in range(2)]
     batch = pseudo_collate(items)
     optimizer = torch.optim.Adam(model.parameters(), 4e-3)
-    for step in range(300):
+    for step in range(250):
         loss, _ = model.parse_losses(model(**model.data_preprocessor(batch, True), mode='loss'))
         optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), 10.0)
         optimizer.step()
-        optimizer.param_groups[0]['lr'] = 4e-3 * (1 - step / 300)
+        optimizer.param_groups[0]['lr'] = 4e-3 * (1 - step / 250)
     ious = []
     for sample in model.eval()(**model.data_preprocessor(batch), mode='predict'):
         sure = sample.pred_scores_3d > 0.3
@@ -174,3 +174,29 @@ def test_size_templates_are_kept_in_the_checkpoint(world):
 def test_bad_mode(world):
     with pytest.raises((ValueError, TypeError), match='loss|Literal'):
         build(world.config())({}, mode='train')
+
+
+def test_mean_shift_moves_proposals_to_where_votes_agree(world):
+    head = build(world.config(head=dict(mean_shifts=1, radius=1.0))).vote_head
+    votes = torch.tensor([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0, 0], [9.0, 0, 0]])
+    whole, one = torch.tensor([0, 4]), torch.tensor([0, 2])
+    moved = head._shift(votes[[0, 3]], votes, torch.ones(4), one, whole)
+    weight = 2 * torch.exp(torch.tensor(-0.5 * 0.9**2))
+    assert moved[0].tolist() == pytest.approx([float(0.3 * weight / (1 + weight)), 0, 0], abs=1e-4)
+    assert moved[1].tolist() == [9.0, 0, 0]
+    unlit = head._shift(votes[:1], votes, torch.zeros(4), torch.tensor([0, 1]), whole)
+    assert unlit[0].tolist() == pytest.approx([0.2, 0, 0])
+
+
+def test_half_precision(world):
+    model = build(world.config())
+    with torch.autocast('cpu', dtype=torch.bfloat16):
+        losses = losses_of(model, [world.make_scene(0, view=True)])
+        loss, _ = model.parse_losses(losses)
+    loss.backward()
+    assert all(torch.isfinite(value.detach()) for value in losses.values())
+    assert all(torch.isfinite(p.grad).all() for p in model.parameters() if p.grad is not None)
+    batch = model.data_preprocessor(pseudo_collate([world.make_scene(0)]))
+    with torch.autocast('cpu', dtype=torch.bfloat16):
+        (sample,) = model.eval()(**batch, mode='predict')
+    assert sample.pred_bboxes_3d.dtype == sample.pred_scores_3d.dtype == torch.float32

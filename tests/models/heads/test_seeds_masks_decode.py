@@ -1,9 +1,10 @@
 import math
 
+import numpy as np
 import torch
 
 from rm3d_plugin.models.heads.box_coder import BoxPrediction
-from rm3d_plugin.models.heads.decode import class_scores, decode_scene
+from rm3d_plugin.models.heads.decode import class_scores, decode_scene, fuse_boxes
 from rm3d_plugin.models.heads.instance_masks import class_radii, soft_mask
 from rm3d_plugin.models.heads.seeds import choose_seeds
 
@@ -54,3 +55,27 @@ def test_scores_may_ask_the_points():
     assert torch.allclose(class_scores(given), torch.tensor([[0.5, 0.0]]), atol=1e-6)
     asked = class_scores(given, torch.tensor([[0.25, 0.75]]))
     assert torch.allclose(asked, torch.tensor([[0.25, 0.0]]), atol=1e-6)
+
+
+def test_fusing_averages_what_overlaps_within_the_class():
+    boxes = np.array(
+        [
+            [0.0, 0, 0, 4, 2, 1, 0.1],
+            [0.0, 0, 1.0, 4, 2, 1, 0.1 + np.pi],
+            [0.0, 0, 9, 4, 2, 1, 0.1],
+            [30.0, 0, 0, 4, 2, 1, 2],
+        ]
+    )
+    scores, labels = np.array([1.0, 0.5, 0.9, 0.2]), np.array([0, 0, 1, 0])
+    got = fuse_boxes(boxes, scores, labels, np.array([0, 3]), 0.5)
+    assert np.allclose(
+        got[0], [0, 0, 0.2, 4, 2, 1, 0.1]
+    )  # (1 x 0 + .25 x 1) / 1.25; the reversed one keeps the heading
+    assert np.allclose(got[1], boxes[3])
+
+
+def test_fused_decode_keeps_scores_and_labels():
+    given, means = prediction([[0.0, 0, 0], [0.4, 0, 0]], [2.0, 2.0], [0, 0]), torch.tensor([[4.0, 2, 1], [4.0, 2, 1]])
+    plain, fused = decode_scene(given, means), decode_scene(given, means, fuse_iou=0.5)
+    assert torch.equal(plain.scores, fused.scores)
+    assert plain.boxes[0, 0] == 0.0 and 0.1 < float(fused.boxes[0, 0]) < 0.2
