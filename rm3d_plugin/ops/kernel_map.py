@@ -124,7 +124,7 @@ def _build_map(source: VoxelLevel, target: VoxelLevel, spec: KernelSpec) -> Kern
         raise ValueError(f'a kernel reaches at most {_REACH_LIMIT} voxels, got {spec}')
     deltas = [((x << AXIS_BITS) + y << AXIS_BITS) + z for x, y, z in offsets]
     anchors = pack_coords(target.coords * target.coords.new_tensor([1, *spec.stride]))
-    if source.coords.is_cuda:
+    if source.coords.device.type != 'cpu':
         pair_in, pair_out, counts = _pairs_searched(source._keys, anchors, deltas)
     else:
         mirrored = source is target and all(size % 2 == 1 for size in spec.kernel_size)

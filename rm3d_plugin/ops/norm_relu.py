@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float
 from numba import njit
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from rm3d_plugin.ops._gather_gemm import Array, in_threads
 
@@ -68,6 +69,7 @@ class _NormReLU(torch.autograd.Function):
         return out, *statistics
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, grad: Tensor, *_: Any) -> tuple[Tensor | None, ...]:
         x, scale = ctx.saved_tensors
         mean, inverse_std, factor, term = ctx.statistics

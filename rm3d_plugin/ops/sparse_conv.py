@@ -5,6 +5,7 @@ from typing import Any, Literal
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from rm3d_plugin.ops._gather_gemm import gather_gemm, gather_outer
 from rm3d_plugin.ops.kernel_map import KernelMap
@@ -22,7 +23,7 @@ def sparse_conv(
     offsets in order, so results do not change from run to run nor with the number of threads.
 
     Args:
-        features: One row per input voxel.
+        features: One row per input voxel; taken in the precision of the weight, also under autocast.
         weight: One matrix per kernel offset, in the order of ``KernelSpec.offsets``.
         kernel_map: From ``VoxelLevel.kernel_map``; ``.transposed()`` of it for the inverse convolution.
         bias: Added to every output row.
@@ -35,7 +36,8 @@ def sparse_conv(
             f'the map has {kernel_map.n_in} input voxels and {len(kernel_map.starts) - 1} offsets; '
             f'got features {tuple(features.shape)} and weight {tuple(weight.shape)} (offsets, in, out)'
         )
-    out = _SparseConv.apply(features, weight, kernel_map)  # type: ignore[no-untyped-call]
+    with torch.autocast(features.device.type, enabled=False):
+        out = _SparseConv.apply(features.to(weight.dtype), weight, kernel_map)  # type: ignore[no-untyped-call]
     return out if bias is None else out + bias
 
 
@@ -106,6 +108,7 @@ class _SparseConv(torch.autograd.Function):
         return _forward(features, weight, kernel_map)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
         features, weight = ctx.saved_tensors
         grad_features = grad_weight = None
@@ -123,6 +126,7 @@ class _SumPool(torch.autograd.Function):
         return _sum_pairs(features, kernel_map)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
         return _sum_pairs(grad, ctx.kernel_map.transposed()), None
 
@@ -151,6 +155,7 @@ class _MaxPool(torch.autograd.Function):
         return best.masked_fill_(winner < 0, 0)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
         (winner,) = ctx.saved_tensors
         out = grad.new_zeros((ctx.kernel_map.n_in, grad.shape[1]))

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float, Int64
 from numba import njit
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 Array = np.ndarray[Any, Any]
 AXIS_BITS = 17
@@ -131,6 +132,7 @@ class _GatherRows(torch.autograd.Function):
         return features.index_select(0, index)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
         (index,) = ctx.saved_tensors
         return _ordered_sum(grad, index, ctx.rows), None
@@ -143,6 +145,7 @@ class _SumRows(torch.autograd.Function):
         return _ordered_sum(features, index, segments)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None, None]:
         (index,) = ctx.saved_tensors
         return grad.index_select(0, index), None, None

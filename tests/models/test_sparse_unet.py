@@ -121,6 +121,22 @@ def test_same_bits_for_every_number_of_threads():
     assert all(torch.equal(one, two) for one, two in zip(*results, strict=True))
 
 
+def test_autocast_keeps_the_convolutions_in_single_precision():
+    net, (xyz, features) = network(), room(300)
+    with torch.autocast('cpu', dtype=torch.bfloat16):
+        out = net(xyz, features.bfloat16(), torch.tensor([0, 300]))
+    out.float().sum().backward()
+    assert out.dtype == torch.float32 and all(bool(p.grad.isfinite().all()) for p in net.parameters())
+
+
+def test_second_derivatives_are_refused():
+    net, (xyz, features) = network(), room(50)
+    out = net(xyz, features.requires_grad_(), torch.tensor([0, 50]))
+    (grad,) = torch.autograd.grad(out.square().sum(), features, create_graph=True)
+    with pytest.raises(RuntimeError, match='once_differentiable'):
+        grad.sum().backward()
+
+
 def test_learns_where_a_point_lies():
     xyz, offsets = room(600)[0], torch.tensor([0, 600])
     net = network()

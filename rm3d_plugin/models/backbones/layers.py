@@ -103,7 +103,8 @@ class NormReLU(nn.Module):
             return nn.functional.batch_norm(
                 values, norm.running_mean, norm.running_var, norm.weight, norm.bias, False, 0.0, norm.eps
             ).relu()
-        if type(norm) is not nn.BatchNorm1d or values.device.type != 'cpu':
+        ours = values.device.type == 'cpu' and values.dtype in (torch.float32, torch.float64)
+        if type(norm) is not nn.BatchNorm1d or not ours:
             return norm(values).relu()  # such as a norm that was converted to synchronise over processes
         result = norm_relu(values, norm.weight, norm.bias, norm.eps)
         _update_running(norm, result, len(values))
