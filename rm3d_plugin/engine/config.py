@@ -77,27 +77,58 @@ def load_config(
         options: Dotted keys to values, as ``--cfg-options`` gives them; they win over the demo settings.
 
     Raises:
-        ConfigError: The file is missing, has no ``demo`` part, or holds a bad reference.
+        ConfigError: The file is missing or no config, has no ``demo`` part, or holds a bad reference; or an option
+            names a key that the config does not have, or a part of one.
     """
     path = Path(path)
-    if not path.is_file():
-        raise ConfigError(f'{path}: no such config; see configs/')
-    config = Config.fromfile(str(path))
+    config = _read(path)
     overrides = config.pop('demo', None)
     if demo:
         if overrides is None:
             raise ConfigError(f'{path}: this config has no `demo` settings')
         config.merge_from_dict(overrides.to_dict())
-    if options:
-        config.merge_from_dict(dict(options))
+    _apply(config, options or {})
     config.work_dir = str(work_dir or config.get('work_dir') or f'work_dirs/{path.stem}{"_demo" * demo}')
     config.config_name = path.stem
     config.is_demo = demo
-    config.epochs = int(config.rounds) * int(config.sigma)
+    config.epochs = _count(config, 'rounds') * _count(config, 'sigma')
     plain = config.to_dict()
     return Config(resolve(plain, plain), filename=config.filename)
 
 
+def _read(path: Path) -> Config:
+    if not path.is_file():
+        raise ConfigError(f'{path}: no such config; see configs/')
+    if path.suffix != '.py':
+        raise ConfigError(f'{path}: expected a .py config, got {path.suffix or "no suffix"}')
+    try:
+        return Config.fromfile(str(path))
+    except (SyntaxError, NameError, FileNotFoundError, KeyError) as error:
+        raise ConfigError(f'{path}: cannot be read as a config ({type(error).__name__}: {error})') from error
+
+
+def _apply(config: Config, options: Mapping[str, Any]) -> None:
+    unknown = unknown_options(config, options)
+    if unknown:
+        raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in the config; keys: {sorted(config)}')
+    for key, value in options.items():
+        try:
+            config.merge_from_dict({key: value})
+        except (TypeError, KeyError) as error:
+            parent, _, _ = key.rpartition('.')
+            raise ConfigError(
+                f'--cfg-options {key}: {parent} holds no keys of its own; where it is a reference like '
+                "'${name}', change what it refers to"
+            ) from error
+
+
+def _count(config: Config, key: str) -> int:
+    value = config.get(key)
+    if not isinstance(value, int) or value < 1:
+        raise ConfigError(f'{key}: expected a whole number from 1, got {value!r}')
+    return value
+
+
 def unknown_options(config: Config, options: Mapping[str, Any]) -> Sequence[str]:
-    """Options whose first key the config does not have (a typing error, most likely)."""
+    """Options whose first key the config does not have (a typing error, most likely); ask before they are merged."""
     return [key for key in options if key.split('.')[0] not in config]

@@ -20,6 +20,7 @@ from rm3d_plugin.datasets.kitti_format import (
     read_velodyne,
     write_objects,
 )
+from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.registry import MODELS, SCOPE, TRANSFORMS
 from rm3d_plugin.storage import write_json
@@ -51,19 +52,16 @@ class Detector:
         Raises:
             ConfigError: No such file, or a checkpoint of another program.
         """
-        path = Path(checkpoint)
-        if not path.is_file():
-            raise ConfigError(f'{path}: no such checkpoint')
-        state = torch.load(path, map_location='cpu', weights_only=True)
+        state = read_checkpoint(checkpoint)
         if 'config_json' not in state.get('meta', {}):
-            raise ConfigError(f'{path}: holds no config; expected a checkpoint written by tools/train.py')
+            raise ConfigError(f'{checkpoint}: holds no config; expected a checkpoint written by tools/train.py')
         config = Config(json.loads(state['meta']['config_json']))
         init_default_scope(SCOPE)
         model = MODELS.build(config.model)
-        model.load_state_dict(state['state_dict'])
+        load_weights(model, state, checkpoint)
         dataset = config.val_dataloader.dataset
         pipeline = [TRANSFORMS.build(step) for step in dataset.pipeline]
-        return cls(model.to(device).eval(), pipeline, tuple(dataset.classes), tuple(dataset.point_range))
+        return cls(model.to(_device(device)).eval(), pipeline, tuple(dataset.classes), tuple(dataset.point_range))
 
     def detect(self, cloud: PointCloud, name: str = 'scan') -> Boxes3D:
         """Find the objects in a cloud (lidar frame, z up, x forward).
@@ -83,6 +81,16 @@ class Detector:
             sample.pred_labels_3d.cpu().numpy(),
             sample.pred_scores_3d.cpu().numpy(),
         )
+
+
+def _device(name: str) -> torch.device:
+    try:
+        device = torch.device(name)
+    except RuntimeError as error:
+        raise ConfigError(f'--device {name}: no such device; expected cpu, cuda, cuda:1 ...') from error
+    if device.type == 'cuda' and (device.index or 0) >= torch.cuda.device_count():
+        raise ConfigError(f'--device {name}: {torch.cuda.device_count()} CUDA devices were found; use --device cpu')
+    return device
 
 
 def calib_beside(scan: Path) -> Path | None:

@@ -1,11 +1,11 @@
 """From a resolved config to a runner; what every command of ``tools/`` shares."""
 
 import argparse
-import json
 import os
 import shutil
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,11 @@ from mmengine.registry import init_default_scope
 from mmengine.runner import Runner
 
 from rm3d_plugin.datasets.base import DatasetNotFoundError
-from rm3d_plugin.engine.config import ConfigError, load_config, unknown_options
+from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
+from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
-from rm3d_plugin.registry import SCOPE, TASK_UTILS
-from rm3d_plugin.storage import DamagedFileError
+from rm3d_plugin.registry import DATASETS, SCOPE, TASK_UTILS
+from rm3d_plugin.storage import DamagedFileError, write_json
 from rm3d_plugin.structures import SceneError
 
 DEMO_NOTE = (
@@ -47,9 +48,6 @@ def config_of(args: argparse.Namespace) -> Config:
         ConfigError: No such config, a bad reference, or an option for a key that the config does not have.
     """
     config = load_config(args.config, args.work_dir, args.demo, args.cfg_options)
-    unknown = unknown_options(config, args.cfg_options)
-    if unknown:
-        raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in {args.config}; keys: {sorted(config)}')
     set_threads(int(config.threads))
     init_default_scope(SCOPE)
     if args.demo:
@@ -83,15 +81,45 @@ def train(config: Config, resume: bool = False, amp: bool = False, launcher: str
         config.launcher = launcher
     if amp:
         use_amp(config)
+    check_data(config, 'train_dataloader', 'val_dataloader')
     work_dir = Path(config.work_dir)
     checkpoint = latest_checkpoint(work_dir) if resume else None
     if checkpoint is None:
+        if resume:
+            print(f'--resume: there is no epoch_*.pth in {work_dir}; training starts from scratch')
         clear_run(work_dir)
     else:
         config.resume, config.load_from = True, str(checkpoint)
-    runner = Runner.from_cfg(config)
+    with config_errors(config):
+        runner = Runner.from_cfg(config)
     runner.train()
     return work_dir
+
+
+def check_data(config: Config, *dataloaders: str) -> None:
+    """Look for the scenes of some dataloaders before anything else is built, so that missing data is told at once.
+
+    Raises:
+        DatasetNotFoundError, SceneError, ConfigError: They are not there, or the config asks for them wrongly.
+    """
+    for name in dataloaders:
+        if config.get(name) is not None:
+            with config_errors(config):
+                dataset = DATASETS.build({**config[name].dataset, 'pipeline': []})
+            dataset.find_scenes()
+
+
+@contextmanager
+def config_errors(config: Config) -> Iterator[None]:
+    """Turn what a misspelt type or setting raises while parts are built into a :class:`ConfigError`."""
+    try:
+        yield
+    except (TypeError, RuntimeError) as error:
+        text = str(error)
+        if 'unexpected keyword argument' in text or text.startswith('Failed to get '):
+            what = text.replace('Failed to get', 'no part is registered as')
+            raise ConfigError(f'{config.get("config_name", "config")}: {what}; correct the config or option') from error
+        raise
 
 
 def prepare(config: Config, jobs: int = 1) -> None:
@@ -105,7 +133,9 @@ def prepare(config: Config, jobs: int = 1) -> None:
         raise ConfigError(
             f'{config.config_name}: no RegionMergeHook among custom_hooks, so there is nothing to prepare'
         )
-    labeler = TASK_UTILS.build(hooks[0].labeler)
+    check_data(config, 'label_dataloader')
+    with config_errors(config):
+        labeler = TASK_UTILS.build(hooks[0].labeler)
     labeler.prepare(jobs)
     print(f'geometry of {len(labeler.source.scene_ids)} scenes is in {labeler.cache.root}')
 
@@ -132,13 +162,20 @@ def use_amp(config: Config) -> None:
 
 
 def evaluate(config: Config, checkpoint: str | Path) -> dict[str, Any]:
-    """Score a checkpoint on the validation scenes; writes ``test_metrics.json``."""
-    config.load_from = str(checkpoint)
+    """Score a checkpoint on the validation scenes; writes ``test_metrics.json``.
+
+    Raises:
+        ConfigError: The checkpoint cannot be read, or is of another model.
+        SceneError: The data cannot be used.
+    """
+    state = read_checkpoint(checkpoint)
+    check_data(config, 'test_dataloader')
     config.custom_hooks = []
-    runner = Runner.from_cfg(config)
+    with config_errors(config):
+        runner = Runner.from_cfg(config)
+    load_weights(runner.model, state, checkpoint)
     metrics: dict[str, Any] = runner.test()
-    path = Path(config.work_dir) / 'test_metrics.json'
-    path.write_text(json.dumps(metrics, indent=2) + '\n', encoding='utf-8')
+    write_json(Path(config.work_dir) / 'test_metrics.json', metrics)
     return metrics
 
 

@@ -1,0 +1,43 @@
+"""Checkpoints as files that a user names: read safely, or refused with a reason."""
+
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from rm3d_plugin.engine.config import ConfigError
+
+
+def read_checkpoint(path: str | Path) -> dict[str, Any]:
+    """Read a checkpoint of this project; no code in it is run.
+
+    Raises:
+        ConfigError: No such file, a damaged one, or one that holds no weights.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ConfigError(f'{path}: no such checkpoint')
+    try:
+        state = torch.load(path, map_location='cpu', weights_only=True)
+    except Exception as error:  # foreign bytes show as anything from UnpicklingError to EOFError
+        reason = str(error).partition('\n')[0]
+        raise ConfigError(f'{path}: not a checkpoint that loads safely ({type(error).__name__}: {reason})') from error
+    if not isinstance(state, dict) or not isinstance(state.get('state_dict'), dict):
+        raise ConfigError(f'{path}: holds no weights; expected a checkpoint written by tools/train.py')
+    return state
+
+
+def load_weights(model: torch.nn.Module, state: dict[str, Any], path: str | Path) -> None:
+    """Put a checkpoint's weights into a model, all of them.
+
+    Raises:
+        ConfigError: They are of another model.
+    """
+    try:
+        model.load_state_dict(state['state_dict'])
+    except RuntimeError as error:
+        reasons = [line.strip() for line in str(error).splitlines()[1:3]]
+        raise ConfigError(
+            f'{path}: its weights do not fit the model; pass the config and the options of its training '
+            f'({" ".join(reasons)})'
+        ) from error
