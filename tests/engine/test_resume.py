@@ -1,0 +1,67 @@
+"""A run that was killed anywhere and resumed leaves the very files of an unbroken one."""
+
+import signal
+from pathlib import Path
+
+import pytest
+import tiny_runs
+import torch
+
+from rm3d_plugin.storage import LabelStore
+
+
+def assert_same_run(folder: Path, other: Path) -> None:
+    assert (folder / 'metrics.json').read_bytes() == (other / 'metrics.json').read_bytes()
+    ours, theirs = (torch.load(f / 'epoch_2.pth', weights_only=True) for f in (folder, other))
+    for part in ('state_dict', 'optimizer', 'param_schedulers'):
+        assert_same(ours[part], theirs[part], part)
+    assert ours['meta']['epoch'] == theirs['meta']['epoch'] == 2
+    names = sorted(path.relative_to(folder / 'labels') for path in (folder / 'labels').rglob('*') if path.is_file())
+    assert names == sorted(p.relative_to(other / 'labels') for p in (other / 'labels').rglob('*') if p.is_file())
+    for name in names:
+        assert (folder / 'labels' / name).read_bytes() == (other / 'labels' / name).read_bytes(), name
+
+
+def assert_same(ours, theirs, where) -> None:
+    if isinstance(ours, dict):
+        assert ours.keys() == theirs.keys(), where
+        for key in ours:
+            assert_same(ours[key], theirs[key], f'{where}.{key}')
+    elif isinstance(ours, list):
+        assert len(ours) == len(theirs), where
+        for i, pair in enumerate(zip(ours, theirs, strict=True)):
+            assert_same(*pair, f'{where}[{i}]')
+    elif isinstance(ours, torch.Tensor):
+        assert torch.equal(ours, theirs), where
+    else:
+        assert ours == theirs, where
+
+
+def test_the_unbroken_run_has_two_rounds_two_epochs_and_two_validations(finished):
+    assert sorted(finished.record['losses']) == sorted(finished.record['validation']) == ['1', '2']
+    assert LabelStore(finished.folder / 'labels').rounds() == (0, 1)
+    assert finished.record['losses']['1'] != finished.record['losses']['2']
+    assert finished.record['synthetic'] is True and finished.record['config'] == 'rm3d_votenet_kitti_1pct'
+
+
+RESUMED_FROM_EPOCH_1 = [
+    'in the second epoch',
+    'in a refresh',
+    'before a round closes',
+    'in a checkpoint',
+    'before a validation',
+]
+
+
+@pytest.mark.parametrize('moment', [*RESUMED_FROM_EPOCH_1, 'before the last validation', 'in the first epoch'])
+def test_a_killed_run_goes_on_bit_for_bit(moment, world, finished, tmp_path):
+    settings, work = tiny_runs.options(world), tmp_path / 'run'
+    code, log = tiny_runs.run(tmp_path / 'killed.txt', tiny_runs.train, work, settings, False, moment)
+    assert code == -signal.SIGKILL, log
+    assert not (work / 'report.html').exists()
+    code, log = tiny_runs.run(tmp_path / 'resumed.txt', tiny_runs.train, work, settings, True)
+    assert code == 0, log
+    assert_same_run(work, finished.folder)
+    assert ('resumed epoch: 1' in log) == (moment in RESUMED_FROM_EPOCH_1)
+    assert ('training starts from scratch' in log) == (moment == 'in the first epoch')
+    assert not list(work.glob('.*')), 'parts of files were left behind'

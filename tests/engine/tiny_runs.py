@@ -1,0 +1,189 @@
+"""Whole trainings on a world of three streets, each in a process of its own, some killed at a chosen moment.
+
+The processes are forked from a server that has imported everything once, so one costs little more than its work.
+"""
+
+import multiprocessing
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+CONFIG = Path(__file__).resolve().parents[2] / 'configs' / 'rm3d_votenet_kitti_1pct.py'
+SIZES = {
+    'widths': [8, 16],
+    'hidden': 16,
+    'voxel_size': 0.3,
+    'model.vote_head.num_seeds': 64,
+    'model.vote_head.num_proposals': 16,
+    'sigma': 1,
+    'rounds': 2,
+    'val_rounds': 1,
+    'milestones': [1],
+    'batch_size': 1,
+    'threads': 1,
+    'descriptor': {'type': 'AdaptedPFH', 'radius': 0.8, 'max_neighbors': 16},
+}
+_CONTEXT = multiprocessing.get_context('forkserver')
+_CONTEXT.set_forkserver_preload(['rm3d_plugin.engine.run', 'rm3d_plugin.models', 'tiny_runs'])
+
+
+def make_world(folder: Path) -> Path:
+    """Three training streets and one to validate on, seen by a coarse lidar."""
+    from rm3d_plugin.datasets.synthetic import make_streets
+
+    make_streets(folder, num_train=3, num_val=1, seed=1, azimuth_step=1.0)
+    return folder
+
+
+def options(world: Path, **more: Any) -> dict[str, Any]:
+    """What makes the demo config tiny; double underscores in names stand for dots."""
+    own = {'data_root': str(world), 'cache_dir': str(world.parent / 'geometry')}
+    return SIZES | own | {key.replace('__', '.'): value for key, value in more.items()}
+
+
+def run(log: Path, task: Callable[..., None], *args: Any) -> tuple[int, str]:
+    """Call a module-level function in a fresh process; its exit status (negative: a signal) and all that it wrote."""
+    process = _CONTEXT.Process(target=_logged, args=(log, task, args))
+    process.start()
+    process.join(120)
+    assert process.exitcode is not None, f'{task.__name__} did not end in 120 s'
+    return process.exitcode, log.read_text()
+
+
+def _logged(log: Path, task: Callable[..., None], args: tuple[Any, ...]) -> None:
+    with log.open('w') as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    sys.stdout = sys.stderr = open(1, 'w', buffering=1, closefd=False)  # noqa: SIM115  lives as long as the process
+    try:
+        task(*args)
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)
+    os._exit(0)
+
+
+def train(work_dir: Path, settings: dict[str, Any], resume: bool = False, moment: str | None = None) -> None:
+    """Train by the tiny config; with a moment, kill this process then."""
+    from mmengine.registry import init_default_scope
+
+    from rm3d_plugin.engine.config import load_config
+    from rm3d_plugin.engine.run import set_threads
+    from rm3d_plugin.engine.run import train as train_config
+    from rm3d_plugin.registry import SCOPE
+
+    config = load_config(CONFIG, work_dir, demo=True, options=settings)
+    set_threads(1)
+    init_default_scope(SCOPE)
+    if moment is not None:
+        MOMENTS[moment]()
+    train_config(config, resume)
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _kill_at_call(owner: Any, name: str, call: int, after: bool) -> None:
+    """Replace ``owner.name`` by itself with a death before or after its ``call``-th call (from 1)."""
+    original, calls = getattr(owner, name), iter(range(1, 10**6))
+
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        last = next(calls) == call
+        if last and not after:
+            die()
+        result = original(*args, **kwargs)
+        if last:
+            die()
+        return result
+
+    setattr(owner, name, wrapped)
+
+
+def _in_first_labels() -> None:
+    from rm3d_plugin.engine.labeler import SceneLabeler
+
+    _kill_at_call(SceneLabeler, 'refresh', call=2, after=True)
+
+
+def _in_first_epoch() -> None:
+    from rm3d_plugin.engine.loops import RoundTrainLoop
+
+    _kill_at_call(RoundTrainLoop, 'run_iter', call=2, after=True)
+
+
+def _in_second_epoch() -> None:
+    from rm3d_plugin.engine.loops import RoundTrainLoop
+
+    _kill_at_call(RoundTrainLoop, 'run_iter', call=5, after=True)  # three scenes, three iterations an epoch
+
+
+def _in_refresh() -> None:
+    from rm3d_plugin.engine.labeler import SceneLabeler
+
+    _kill_at_call(SceneLabeler, 'refresh', call=5, after=True)  # two of three scenes have labels of round 1
+
+
+def _before_round_closes() -> None:
+    from rm3d_plugin.engine.labeler import SceneLabeler
+
+    _kill_at_call(SceneLabeler, 'finish', call=2, after=False)
+
+
+def _before_validation() -> None:
+    from mmengine.runner import ValLoop
+
+    _kill_at_call(ValLoop, 'run', call=1, after=False)
+
+
+def _before_last_validation() -> None:
+    from mmengine.runner import ValLoop
+
+    _kill_at_call(ValLoop, 'run', call=2, after=False)
+
+
+def _in_checkpoint() -> None:
+    """Half of the second checkpoint reaches the disk."""
+    from rm3d_plugin.engine.hooks import safe_checkpoint_hook
+
+    fdopen, calls = os.fdopen, iter(range(1, 10**6))
+
+    def half_open(handle: int, *args: Any, **kwargs: Any) -> Any:
+        stream = fdopen(handle, *args, **kwargs)
+        if str(os.readlink(f'/proc/self/fd/{handle}')).endswith('.part') and next(calls) == 2:
+            return _HalfWriter(stream)
+        return stream
+
+    safe_checkpoint_hook.os.fdopen = half_open
+
+
+class _HalfWriter:
+    def __init__(self, stream: Any) -> None:
+        self.stream = stream
+
+    def __enter__(self) -> '_HalfWriter':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stream.close()
+
+    def write(self, data: bytes) -> None:
+        self.stream.write(data[: len(data) // 2])
+        self.stream.flush()
+        die()
+
+
+MOMENTS = {
+    'in the first labels': _in_first_labels,
+    'in the first epoch': _in_first_epoch,
+    'in the second epoch': _in_second_epoch,
+    'in a refresh': _in_refresh,
+    'before a round closes': _before_round_closes,
+    'in a checkpoint': _in_checkpoint,
+    'before a validation': _before_validation,
+    'before the last validation': _before_last_validation,
+}
