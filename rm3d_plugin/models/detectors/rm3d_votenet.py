@@ -83,7 +83,7 @@ class RM3DVoteNet(BaseModel):
         predict_points: bool = False,
         score_threshold: float = 0.05,
         nms_iou: float = 0.25,
-        fuse_iou: float | None = 0.5,
+        fuse_iou: float | None = None,
         max_boxes: int = 100,
         score_by_points: bool = False,
         data_preprocessor: dict[str, Any] | None = None,
