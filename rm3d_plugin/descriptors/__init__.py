@@ -2,15 +2,21 @@
 
 from rm3d_plugin.descriptors.adapted_pfh import AdaptedPFH, adapted_pfh
 from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, cosine_similarity, region_means
+from rm3d_plugin.descriptors.fpfh import FPFH, fpfh
 from rm3d_plugin.descriptors.pfh import PFH, original_pfh
+from rm3d_plugin.descriptors.shot import SHOT, shot
 
 __all__ = [
+    'FPFH',
     'PFH',
+    'SHOT',
     'AdaptedPFH',
     'Descriptor',
     'adapted_pfh',
     'cloud_normals',
     'cosine_similarity',
+    'fpfh',
     'original_pfh',
     'region_means',
+    'shot',
 ]
