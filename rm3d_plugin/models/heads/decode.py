@@ -28,13 +28,13 @@ class Detections(NamedTuple):
 def class_scores(
     prediction: BoxPrediction, group_probs: Float[Tensor, 'proposals classes'] | None = None
 ) -> Float[Tensor, 'proposals classes']:
-    """Objectness times class probability; with ``group_probs`` the class probability is averaged with what the
-    grouped points say (geometric mean, renormalised).
+    """Objectness times class probability.
 
     Args:
         prediction: Of the head.
-        group_probs: Mean P_out of the points of each proposal, box classes only.
-    """  # noqa: D205
+        group_probs: Mean P_out of the points of each proposal, box classes only. Where given, the class probability is
+            its geometric mean with what the points say.
+    """
     objectness = prediction.objectness.softmax(dim=1)[:, 1:]
     classes = prediction.class_scores.softmax(dim=1)
     if group_probs is None:

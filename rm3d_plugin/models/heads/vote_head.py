@@ -65,8 +65,9 @@ class VoteHead(nn.Module):
 
     ::
 
-        features (N, F) -> vote MLP -> offset (N, 3)
-                            seeds  +-> feature residual -> votes -> FPS -> ball -> MLP, max -> MLP -> boxes
+        features -> vote MLP -> offsets of all points
+                       seeds +-> feature residuals -> votes -> FPS -> mean shift -> ball -> MLP, max -+-> MLP -> boxes
+                                                                                      +-> shape, MLP -+
 
     Layer instead of batch normalisation: a batch of one scene on a small machine trains as well, and training and
     prediction compute the same.
@@ -160,6 +161,7 @@ class VoteHead(nn.Module):
             foreground: Predicted probability that a point lies on an object; ranks and weighs points, without gradient.
             batch_offsets: Rows of the scenes.
         """
+        foreground = foreground.detach()
         hidden = self.vote_mlp(features)
         offsets = self.vote_offset(hidden).float()
         seeds, seed_offsets = choose_seeds(xyz, foreground, batch_offsets, self.num_seeds, self.seed_threshold)

@@ -200,3 +200,14 @@ def test_half_precision(world):
     with torch.autocast('cpu', dtype=torch.bfloat16):
         (sample,) = model.eval()(**batch, mode='predict')
     assert sample.pred_bboxes_3d.dtype == sample.pred_scores_3d.dtype == torch.float32
+
+
+def test_with_the_sparse_unet(world):
+    backbone = dict(type='SparseUNet', in_channels=4, voxel_size=0.3, widths=[8, 16], blocks=1)
+    model = build(world.config(backbone=backbone))
+    losses = losses_of(model, [world.make_scene(0, view=True), world.make_scene(1, view=True)])
+    loss, _ = model.parse_losses(losses)
+    loss.backward()
+    assert torch.isfinite(loss.detach())
+    samples = model.eval()(**model.data_preprocessor(pseudo_collate([world.make_scene(0)])), mode='predict')
+    assert samples[0].pred_bboxes_3d.isfinite().all()
