@@ -3,5 +3,6 @@
 from rm3d_plugin.oversegmentation.base import Oversegmenter
 from rm3d_plugin.oversegmentation.precomputed import Precomputed
 from rm3d_plugin.oversegmentation.region_growing import RegionGrowing
+from rm3d_plugin.oversegmentation.vccs import VCCS
 
-__all__ = ['Oversegmenter', 'Precomputed', 'RegionGrowing']
+__all__ = ['VCCS', 'Oversegmenter', 'Precomputed', 'RegionGrowing']
