@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import tiny_runs
+from engine import tiny_runs
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,8 @@ def world(tmp_path_factory) -> Path:
 @pytest.fixture(scope='session')
 def finished(world, tmp_path_factory) -> FinishedRun:
     base = tmp_path_factory.mktemp('finished')
-    code, log = tiny_runs.run(base / 'log.txt', tiny_runs.train, base / 'run', tiny_runs.options(world))
+    code, log = tiny_runs.run(
+        base / 'log.txt', tiny_runs.train, base / 'run', tiny_runs.options(world), False, None, True
+    )
     assert code == 0, log
     return FinishedRun(base / 'run', log)

@@ -1,11 +1,13 @@
 """A run that was killed anywhere and resumed leaves the very files of an unbroken one."""
 
+import json
+import shutil
 import signal
 from pathlib import Path
 
 import pytest
-import tiny_runs
 import torch
+from engine import tiny_runs
 
 from rm3d_plugin.storage import LabelStore
 
@@ -65,3 +67,26 @@ def test_a_killed_run_goes_on_bit_for_bit(moment, world, finished, tmp_path):
     assert ('resumed epoch: 1' in log) == (moment in RESUMED_FROM_EPOCH_1)
     assert ('training starts from scratch' in log) == (moment == 'in the first epoch')
     assert not list(work.glob('.*')), 'parts of files were left behind'
+    if moment in RESUMED_FROM_EPOCH_1:
+        again = moment in ('in a refresh', 'before a round closes', 'before a validation')
+        assert [number for number, _, _ in tiny_runs.refreshes(log)] == ([1, 1, 1] if again else [])
+
+
+def test_resuming_a_finished_run_changes_nothing(world, finished, tmp_path):
+    work = tmp_path / 'run'
+    shutil.copytree(finished.folder, work)
+    code, log = tiny_runs.run(tmp_path / 'log.txt', tiny_runs.train, work, tiny_runs.options(world), True)
+    assert code == 0, log
+    assert_same_run(work, finished.folder)
+    assert 'resumed epoch: 2' in log and tiny_runs.refreshes(log) == []
+
+
+def test_a_new_run_in_the_same_folder_leaves_nothing_of_the_old(world, finished, tmp_path):
+    work = tmp_path / 'run'
+    shutil.copytree(finished.folder, work)
+    (work / 'epoch_9.pth').write_bytes(b'of an older, longer run')
+    code, log = tiny_runs.run(tmp_path / 'log.txt', tiny_runs.train, work, tiny_runs.options(world, rounds=1))
+    assert code == 0, log
+    assert [path.name for path in work.glob('epoch_*.pth')] == ['epoch_1.pth']
+    assert LabelStore(work / 'labels').rounds() == (0,)
+    assert json.loads((work / 'metrics.json').read_text())['losses'] == {'1': finished.record['losses']['1']}

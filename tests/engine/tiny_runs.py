@@ -5,6 +5,8 @@ The processes are forked from a server that has imported everything once, so one
 
 import multiprocessing
 import os
+import re
+import runpy
 import signal
 import sys
 import traceback
@@ -12,7 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-CONFIG = Path(__file__).resolve().parents[2] / 'configs' / 'rm3d_votenet_kitti_1pct.py'
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = ROOT / 'configs' / 'rm3d_votenet_kitti_1pct.py'
 SIZES = {
     'widths': [8, 16],
     'hidden': 16,
@@ -28,7 +31,8 @@ SIZES = {
     'descriptor': {'type': 'AdaptedPFH', 'radius': 0.8, 'max_neighbors': 16},
 }
 _CONTEXT = multiprocessing.get_context('forkserver')
-_CONTEXT.set_forkserver_preload(['rm3d_plugin.engine.run', 'rm3d_plugin.models', 'tiny_runs'])
+_PRELOAD = ('rm3d_plugin.engine.run', 'rm3d_plugin.models', 'rm3d_plugin.evaluation', 'matplotlib.backends.backend_agg')
+_CONTEXT.set_forkserver_preload([*_PRELOAD, 'torch._inductor', 'engine.tiny_runs'])
 
 
 def make_world(folder: Path) -> Path:
@@ -59,16 +63,52 @@ def _logged(log: Path, task: Callable[..., None], args: tuple[Any, ...]) -> None
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
     sys.stdout = sys.stderr = open(1, 'w', buffering=1, closefd=False)  # noqa: SIM115  lives as long as the process
+    code: Any = 0
     try:
         task(*args)
+    except SystemExit as end:
+        code = end.code or 0
     except BaseException:
         traceback.print_exc()
-        os._exit(1)
-    os._exit(0)
+        code = 1
+    sys.stdout.flush()
+    os._exit(code)
 
 
-def train(work_dir: Path, settings: dict[str, Any], resume: bool = False, moment: str | None = None) -> None:
-    """Train by the tiny config; with a moment, kill this process then."""
+def command(tool: str, cwd: Path, arguments: list[str]) -> None:
+    """``python tools/TOOL.py ARGUMENTS`` in a folder."""
+    os.chdir(cwd)
+    sys.path.insert(0, str(ROOT / 'tools'))
+    sys.argv = [f'tools/{tool}.py', *arguments]
+    _skip_pretty_printing()
+    runpy.run_path(str(ROOT / 'tools' / f'{tool}.py'), run_name='__main__')
+
+
+def _skip_pretty_printing() -> None:
+    """Laying out the config's text costs more than training on three streets."""
+    import mmengine.config.config as config
+
+    config.FormatCode = lambda text, **_: (text, True)
+
+
+def train(
+    work_dir: Path,
+    settings: dict[str, Any],
+    resume: bool = False,
+    moment: str | None = None,
+    pictures: bool = False,
+    change: Callable[[Any], None] | None = None,
+) -> None:
+    """Train by the tiny config and tell each refresh.
+
+    Args:
+        work_dir: Of the run.
+        settings: Options of the config.
+        resume: Go on with what is there.
+        moment: Kill this process then.
+        pictures: Draw those of the report.
+        change: Called with the config before anything is built.
+    """
     from mmengine.registry import init_default_scope
 
     from rm3d_plugin.engine.config import load_config
@@ -79,9 +119,33 @@ def train(work_dir: Path, settings: dict[str, Any], resume: bool = False, moment
     config = load_config(CONFIG, work_dir, demo=True, options=settings)
     set_threads(1)
     init_default_scope(SCOPE)
+    _skip_pretty_printing()
+    _tell_refreshes()
     if moment is not None:
         MOMENTS[moment]()
+    if not pictures:
+        next(hook for hook in config.custom_hooks if hook.type == 'ReportHook').update(train_scenes=0, val_scenes=0)
+    if change is not None:
+        change(config)
     train_config(config, resume)
+
+
+def _tell_refreshes() -> None:
+    from rm3d_plugin.engine.labeler import SceneLabeler
+
+    refresh = SceneLabeler.refresh
+
+    def told(self: Any, number: int, scene_id: str, prediction: Any) -> None:
+        print(f'refresh of round {number}, scene {scene_id}, {"by geometry" if prediction is None else "by network"}')
+        refresh(self, number, scene_id, prediction)
+
+    SceneLabeler.refresh = told
+
+
+def refreshes(log: str) -> list[tuple[int, str, str]]:
+    """(round, scene, by what) of each refresh that a log tells."""
+    found = re.findall(r'refresh of round (\d+), scene (\w+), by (\w+)', log)
+    return [(int(number), scene, how) for number, scene, how in found]
 
 
 def die() -> None:
@@ -102,12 +166,6 @@ def _kill_at_call(owner: Any, name: str, call: int, after: bool) -> None:
         return result
 
     setattr(owner, name, wrapped)
-
-
-def _in_first_labels() -> None:
-    from rm3d_plugin.engine.labeler import SceneLabeler
-
-    _kill_at_call(SceneLabeler, 'refresh', call=2, after=True)
 
 
 def _in_first_epoch() -> None:
@@ -178,7 +236,6 @@ class _HalfWriter:
 
 
 MOMENTS = {
-    'in the first labels': _in_first_labels,
     'in the first epoch': _in_first_epoch,
     'in the second epoch': _in_second_epoch,
     'in a refresh': _in_refresh,

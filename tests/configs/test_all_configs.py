@@ -1,0 +1,79 @@
+"""Every config leaf builds, with and without --demo; no data are needed for that."""
+
+from pathlib import Path
+
+import pytest
+from mmengine.registry import DefaultScope
+
+from rm3d_plugin.datasets import KittiDataset
+from rm3d_plugin.datasets.base import DatasetNotFoundError
+from rm3d_plugin.engine.config import load_config
+from rm3d_plugin.engine.hooks import EpochSeedHook, RegionMergeHook, ReportHook, RunRecordHook, SafeCheckpointHook
+from rm3d_plugin.evaluation import KittiMetric
+from rm3d_plugin.models.detectors import RM3DVoteNet
+from rm3d_plugin.registry import DATASETS, DESCRIPTORS, HOOKS, METRICS, MODELS, OVERSEGMENTERS, SCOPE
+
+ROOT = Path(__file__).resolve().parents[2]
+LEAVES = sorted((ROOT / 'configs').glob('*.py'))
+HEADER = ('# Run: python tools/train.py configs/{name}.py', '# Score on ')
+
+
+@pytest.fixture(autouse=True)
+def _own_scope():
+    with DefaultScope.overwrite_default_scope(SCOPE):
+        yield
+
+
+def test_there_are_leaves():
+    assert {'rm3d_votenet_kitti_1pct', 'rm3d_votenet_kitti_0p5pct', 'rm3d_votenet_kitti_3pct'} <= {
+        path.stem for path in LEAVES
+    }
+
+
+@pytest.mark.parametrize('path', LEAVES, ids=lambda path: path.stem)
+@pytest.mark.parametrize('demo', [False, True], ids=['', 'demo'])
+def test_everything_a_config_names_can_be_built(path, demo, tmp_path):
+    config = load_config(path, tmp_path / 'run', demo, {'data_root': str(tmp_path / 'kitti')})
+    assert '${' not in str(config.to_dict())
+    model = MODELS.build(config.model)
+    assert type(model) is RM3DVoteNet and model.num_classes == len(config.classes) == 3
+    assert model.backbone.voxel_size == config.voxel_size
+    for name in ('train_dataloader', 'label_dataloader', 'val_dataloader', 'test_dataloader'):
+        dataset = DATASETS.build(config[name].dataset)
+        assert type(dataset) is KittiDataset and dataset.data_root == tmp_path / 'kitti'
+        with pytest.raises(DatasetNotFoundError, match='KITTI was looked for at'):
+            len(dataset)
+    assert config.train_dataloader.dataset.labels == 'store' and config.label_dataloader.dataset.labels == 'none'
+    assert config.train_dataloader.dataset.label_store == f'{tmp_path / "run"}/labels'
+    for evaluator in (config.val_evaluator, config.test_evaluator):
+        assert type(METRICS.build(evaluator[0])) is KittiMetric
+    assert config.train_cfg == {
+        'type': 'RoundTrainLoop',
+        'rounds': config.rounds,
+        'sigma': config.sigma,
+        'val_rounds': config.val_rounds,
+    }
+    assert DESCRIPTORS.build(config.descriptor) and OVERSEGMENTERS.build(config.oversegmenter)
+
+
+@pytest.mark.parametrize('path', LEAVES, ids=lambda path: path.stem)
+def test_the_hooks_of_a_config(path, tmp_path):
+    config = load_config(path, tmp_path / 'run', demo=True, options={'data_root': str(tmp_path / 'kitti')})
+    kinds = {'RegionMergeHook': RegionMergeHook, 'EpochSeedHook': EpochSeedHook, 'ReportHook': ReportHook}
+    kinds |= {'RunRecordHook': RunRecordHook, 'SafeCheckpointHook': SafeCheckpointHook}
+    assert sorted(hook.type for hook in config.custom_hooks) == sorted(kinds)
+    for settings in config.custom_hooks:
+        if settings.type != 'RegionMergeHook':
+            assert type(HOOKS.build(settings)) is kinds[settings.type]
+            continue
+        assert (settings.interval, settings.rounds) == (config.sigma, config.label_rounds)
+        assert settings.labeler.source.budget == config.budget and settings.labeler.descriptor == config.descriptor
+        with pytest.raises(DatasetNotFoundError):  # the type and the words survive the registry
+            HOOKS.build(settings)
+
+
+@pytest.mark.parametrize('path', LEAVES, ids=lambda path: path.stem)
+def test_a_leaf_tells_its_command_and_score(path):
+    text = path.read_text()
+    for line in HEADER:
+        assert line.format(name=path.stem) in text

@@ -1,0 +1,159 @@
+"""When labels are made: counted with a mock runner, and in a real run."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from engine import tiny_runs
+
+from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook, point_prediction
+from rm3d_plugin.storage import LabelStore
+from rm3d_plugin.structures import SceneSample
+
+
+class CountingLabeler:
+    """Notes what it is asked to do, in order."""
+
+    def __init__(self, finished: tuple[int, ...] = ()) -> None:
+        self.events: list[tuple[Any, ...]] = []
+        self.finished = set(finished)
+        self.predictions: list[Any] = []
+
+    def start(self, keep, log):
+        self.events.append(('start', keep))
+
+    def inform(self, model):
+        self.events.append(('inform', type(model).__name__))
+
+    def is_finished(self, number):
+        return number in self.finished
+
+    def begin(self, number):
+        self.events.append(('begin', number))
+
+    def refresh(self, number, scene_id, prediction):
+        self.events.append(('refresh', number, scene_id))
+        self.predictions.append(prediction)
+
+    def finish(self, number, log):
+        self.events.append(('finish', number))
+        self.finished.add(number)
+
+    def use(self, number):
+        self.events.append(('use', number))
+
+
+class Model(torch.nn.Module):
+    """Sees points 0 and 2 of three."""
+
+    predict_points = False
+
+    def test_step(self, batch):
+        assert self.predict_points and not self.training and not torch.is_grad_enabled()
+        sample = SceneSample(metainfo={'scene_id': batch, 'num_points': 3})
+        sample.point_index = torch.tensor([2, 0])
+        sample.pred_point_probs = torch.tensor([[0.25, 0.75], [1.0, 0.0]])
+        sample.pred_point_centers = torch.tensor([[1.0, 2, 3], [4, 5, 6]])
+        return [sample]
+
+
+def epochs(hook, labeler, first, last) -> list[list[tuple[Any, ...]]]:
+    """Run epochs first..last - 1 of a runner without data; what the labeler was asked in each."""
+    runner = SimpleNamespace(epoch=first, seed=5, model=Model(), logger=SimpleNamespace(info=print))
+    runner.build_dataloader = lambda loader, seed: loader if seed == 5 else None
+    hook.before_train(runner)
+    out = []
+    for runner.epoch in range(first, last):
+        labeler.events.clear()
+        runner.model.train()
+        hook.before_train_epoch(runner)
+        assert not runner.model.predict_points
+        out.append(list(labeler.events))
+    return out
+
+
+def refreshed(number):
+    return [('begin', number), ('refresh', number, 'a'), ('refresh', number, 'b'), ('finish', number), ('use', number)]
+
+
+def test_every_interval_epochs_a_new_round_until_there_are_enough():
+    labeler = CountingLabeler(finished=(0,))
+    hook = RegionMergeHook(interval=2, labeler=labeler, dataloader=['a', 'b'], rounds=3)
+    asked = epochs(hook, labeler, 0, 8)
+    kept = [[('use', 2)]] * 3
+    assert asked == [[('use', 0)]] * 2 + [refreshed(1), [('use', 1)], refreshed(2), *kept]
+    assert hook.seconds > 0
+
+
+def test_before_training_the_first_labels_are_made_and_the_model_is_told_sizes():
+    labeler = CountingLabeler()
+    epochs(RegionMergeHook(interval=2, labeler=labeler, dataloader=[]), labeler, 0, 0)
+    assert labeler.events == [('start', False), ('inform', 'Model')]
+
+
+def test_one_round_means_that_the_first_labels_stay():
+    labeler = CountingLabeler(finished=(0,))
+    hook = RegionMergeHook(interval=1, labeler=labeler, dataloader=['a'], rounds=1)
+    assert epochs(hook, labeler, 0, 4) == [[('use', 0)]] * 4
+
+
+@pytest.mark.parametrize('finished', [(0, 1), (0,)])
+def test_a_resumed_run_refreshes_only_what_is_not_complete(finished):
+    labeler = CountingLabeler(finished)
+    hook = RegionMergeHook(interval=2, labeler=labeler, dataloader=['a', 'b'], rounds=2)
+    asked = epochs(hook, labeler, 2, 4)
+    assert asked == [[('use', 1)] if 1 in finished else refreshed(1), [('use', 1)]]
+
+
+def test_a_run_resumed_inside_a_round_goes_on_with_its_labels():
+    labeler = CountingLabeler(finished=(0, 1))
+    hook = RegionMergeHook(interval=2, labeler=labeler, dataloader=['a', 'b'], rounds=3)
+    assert epochs(hook, labeler, 3, 5) == [[('use', 1)], refreshed(2)]
+
+
+def test_predictions_are_scattered_to_all_points_of_the_scene():
+    labeler = CountingLabeler(finished=(0,))
+    epochs(RegionMergeHook(interval=1, labeler=labeler, dataloader=['a'], rounds=2), labeler, 1, 2)
+    (prediction,) = labeler.predictions
+    nan = np.nan
+    np.testing.assert_array_equal(prediction.probabilities, [[1, 0], [nan, nan], [0.25, 0.75]])
+    np.testing.assert_array_equal(prediction.centers, [[4, 5, 6], [nan, nan, nan], [1, 2, 3]])
+
+
+def test_a_sample_may_leave_out_centres_and_indices_but_not_probabilities():
+    sample = SceneSample(metainfo={'scene_id': 's1'})
+    with pytest.raises(ValueError, match='scene s1 has no `pred_point_probs`'):
+        point_prediction(sample)
+    sample.pred_point_probs = torch.tensor([[0.5, 0.5]])
+    prediction = point_prediction(sample)
+    assert prediction.centers is None and prediction.probabilities.tolist() == [[0.5, 0.5]]
+
+
+@pytest.mark.parametrize('field', ['interval', 'rounds'])
+def test_numbers_start_at_one(field):
+    with pytest.raises(ValueError, match=f'RegionMergeHook.{field}: expected at least 1, got 0'):
+        RegionMergeHook(**{'interval': 1, 'labeler': CountingLabeler(), 'dataloader': [], field: 0})
+
+
+def test_a_real_run_of_two_rounds_refreshes_each_scene_once_a_round(finished):
+    scenes = ['000000', '000001', '000002']
+    expected = [(0, scene, 'geometry') for scene in scenes] + [(1, scene, 'network') for scene in scenes]
+    assert tiny_runs.refreshes(finished.log) == expected
+    store = LabelStore(finished.folder / 'labels')
+    assert list(store.scenes(1)) == scenes and store.current_round() == 1
+
+
+def test_revealed_labels_stay_as_they_are_from_round_to_round(finished):
+    store = LabelStore(finished.folder / 'labels')
+    revealed = 0
+    for scene in store.scenes(0):
+        first, second = store.read(scene, 0), store.read(scene, 1)
+        np.testing.assert_array_equal(first.point_is_true, second.point_is_true)
+        np.testing.assert_array_equal(first.semantic[first.point_is_true], second.semantic[second.point_is_true])
+        for labels in (first, second):
+            assert labels.box_is_true[: labels.box_is_true.sum()].all()
+        np.testing.assert_array_equal(first.boxes.tensor[first.box_is_true], second.boxes.tensor[second.box_is_true])
+        revealed += int(first.box_is_true.sum())
+    assert revealed == 1  # two boxes per ten scenes, at least one
