@@ -114,10 +114,10 @@ def config_errors(config: Config) -> Iterator[None]:
     """Turn what a misspelt type or setting raises while parts are built into a :class:`ConfigError`."""
     try:
         yield
-    except (TypeError, RuntimeError) as error:
-        text = str(error)
-        if 'unexpected keyword argument' in text or text.startswith('Failed to get '):
-            what = text.replace('Failed to get', 'no part is registered as')
+    except (TypeError, KeyError) as error:
+        text = str(error.args[0]) if error.args else ''
+        if 'unexpected keyword argument' in text or ' registry. Please check' in text:
+            what = text.partition('. Please check')[0]
             raise ConfigError(f'{config.get("config_name", "config")}: {what}; correct the config or option') from error
         raise
 
