@@ -5,6 +5,7 @@ from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, cosine_simil
 from rm3d_plugin.descriptors.fpfh import FPFH, fpfh
 from rm3d_plugin.descriptors.pfh import PFH, original_pfh
 from rm3d_plugin.descriptors.shot import SHOT, shot
+from rm3d_plugin.descriptors.superpoint_graph import SuperpointGraph
 
 __all__ = [
     'FPFH',
@@ -12,6 +13,7 @@ __all__ = [
     'SHOT',
     'AdaptedPFH',
     'Descriptor',
+    'SuperpointGraph',
     'adapted_pfh',
     'cloud_normals',
     'cosine_similarity',
