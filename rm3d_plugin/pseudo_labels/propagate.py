@@ -141,6 +141,14 @@ def label_groups(
     return GroupLabels(classes.astype(np.int64), confidence, known, mean)
 
 
+def without_doubtful(groups: GroupLabels, label: int, gamma: float) -> GroupLabels:
+    """Take a class back from the groups that the network gave it with less confidence than ``gamma``."""
+    doubtful = (groups.classes == label) & ~groups.from_truth & (groups.confidence < gamma)
+    return groups._replace(
+        classes=np.where(doubtful, UNLABELLED, groups.classes), confidence=np.where(doubtful, 0.0, groups.confidence)
+    )
+
+
 def split_mixed(
     groups: GroupLabels,
     point_groups: Int[np.ndarray, ' points'],

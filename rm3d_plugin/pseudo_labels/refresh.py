@@ -23,6 +23,7 @@ from rm3d_plugin.pseudo_labels.propagate import (
     point_values,
     seen_rows,
     split_mixed,
+    without_doubtful,
 )
 from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_by_boxes, known_points
 from rm3d_plugin.regions import MergeResult, MergeStrategy
@@ -96,6 +97,8 @@ def refresh_detection(
         regions, graph, truth, probabilities, centers, strategy, round, _pad(class_counts, background + 1)
     )
     grouped = _split(grouped, regions, probabilities, strategy, rules)
+    if rules.background_gamma is not None:
+        grouped = grouped._replace(groups=without_doubtful(grouped.groups, background, rules.background_gamma))
     surely, large = _background_points(xyz, regions, priors, height_above_ground, rules)
     surely, large = (surely & (truth.seeds < 0)) | truth.shell, large & (truth.seeds < 0)
     supported = supported_points(previous, grouped, strategy)

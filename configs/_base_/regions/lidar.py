@@ -11,6 +11,7 @@ oversegmenter = dict(
 )
 graph_neighbors = 8
 max_gap = 0.6  # m between adjacent regions
+rules = dict(background_gamma=1.1)  # the network alone never makes background: see ObjectRules
 strategy = dict(rounds='${rounds}', centre_distance=[1.2, 0.5, 0.7, None])
 
 custom_hooks = [
@@ -35,6 +36,7 @@ custom_hooks = [
             strategy='${strategy}',
             graph_neighbors='${graph_neighbors}',
             max_gap='${max_gap}',
+            rules='${rules}',
         ),
     ),
     dict(type='SafeCheckpointHook'),
