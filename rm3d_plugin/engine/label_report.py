@@ -1,19 +1,18 @@
 """How good a round's labels are, over all scenes: for the log and the report."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rm3d_plugin.datasets.base import Truth
-from rm3d_plugin.ops.rotated_iou import rotated_iou_bev
-from rm3d_plugin.structures import UNLABELLED, PseudoLabels
+from rm3d_plugin.pseudo_labels.quality import SceneTruth, pseudo_report
+from rm3d_plugin.structures import PseudoLabels
 
 MATCH_IOU = 0.25  # overlap from above from which a pseudo box counts as right
 BACKGROUND = 'background'
 
 
-def summarise(scenes: Iterable[tuple[PseudoLabels, Truth | None]], classes: Sequence[str]) -> dict[str, Any]:
+def summarise(scenes: Sequence[tuple[PseudoLabels, SceneTruth | None]], classes: Sequence[str]) -> dict[str, Any]:
     """Add up coverage, precision and kept boxes over the scenes of a round.
 
     Args:
@@ -21,58 +20,46 @@ def summarise(scenes: Iterable[tuple[PseudoLabels, Truth | None]], classes: Sequ
         classes: Names of the object classes.
 
     Returns:
-        ``coverage``: share of all points with a label. ``points``: per class name, how many points have that pseudo
-        label and, where the truth is known, ``precision``. ``boxes``: per class, revealed, pseudo, right (overlap from
-        above of at least .25 with a true box of the class) and true ones.
+        ``coverage``: share of all points with a label. ``truth_known``: whether precision and right boxes mean
+        anything. ``points``: per class name, how many points have that pseudo label and its ``precision``. ``ranges``:
+        coverage and precision by distance. ``boxes``: per class ``revealed``, ``pseudo``, ``right`` (overlap from above
+        of at least .25, each true box once) and ``true`` ones.
     """
     names = [*classes, BACKGROUND]
-    total = labelled = 0
-    points = np.zeros((len(names), 3), dtype=np.int64)  # pseudo, judged, right
-    boxes = np.zeros((len(classes), 4), dtype=np.int64)  # revealed, pseudo, right, true
-    known = False
-    for labels, truth in scenes:
-        total += len(labels)
-        labelled += int((labels.semantic != UNLABELLED).sum())
-        known = known or truth is not None
-        points += _points_of(labels, truth, len(names))
-        boxes += _boxes_of(labels, truth, len(classes))
+    known = [(labels, truth) for labels, truth in scenes if truth is not None]
+    quality = pseudo_report(known, names, [MATCH_IOU] * len(classes), overlap='bev')
+    judged = quality.as_dict()
+    points = sum((_pseudo_points(labels, len(names)) for labels, _ in scenes), np.zeros(len(names), dtype=np.int64))
+    boxes = sum((_boxes(labels, len(classes)) for labels, _ in scenes), np.zeros((2, len(classes)), dtype=np.int64))
+    hidden, right = (quality.boxes.present, quality.boxes.correct) if quality.boxes is not None else (0 * boxes,) * 2
+    total = sum(len(labels) for labels, _ in scenes)
     return {
-        'coverage': labelled / total if total else 0.0,
-        'truth_known': known,
+        'coverage': sum(labels.coverage * len(labels) for labels, _ in scenes) / total if total else 0.0,
+        'truth_known': bool(known),
         'points': {
-            name: {'pseudo': int(row[0]), 'precision': float(row[2] / row[1]) if row[1] else None}
-            for name, row in zip(names, points, strict=True)
+            name: {'pseudo': int(points[c]), 'precision': judged['classes'][name]['precision']}
+            for c, name in enumerate(names)
         },
+        'ranges': judged['ranges'],
         'boxes': {
-            name: dict(zip(('revealed', 'pseudo', 'right', 'true'), map(int, row), strict=True))
-            for name, row in zip(classes, boxes, strict=True)
+            name: {
+                'revealed': int(boxes[0, c]),
+                'pseudo': int(boxes[1, c]),
+                'right': int(right[c]),
+                'true': int(hidden[c] + boxes[0, c]),
+            }
+            for c, name in enumerate(classes)
         },
     }
 
 
-def _points_of(labels: PseudoLabels, truth: Truth | None, count: int) -> np.ndarray:
-    pseudo = (labels.semantic != UNLABELLED) & ~labels.point_is_true
-    out = np.zeros((count, 3), dtype=np.int64)
-    out[:, 0] = np.bincount(labels.semantic[pseudo], minlength=count)
-    if truth is not None and truth.semantic is not None:
-        judged = pseudo & (truth.semantic != UNLABELLED)
-        out[:, 1] = np.bincount(labels.semantic[judged], minlength=count)
-        out[:, 2] = np.bincount(labels.semantic[judged & (truth.semantic == labels.semantic)], minlength=count)
-    return out
+def _pseudo_points(labels: PseudoLabels, count: int) -> np.ndarray:
+    return np.bincount(labels.semantic[(labels.semantic >= 0) & ~labels.point_is_true], minlength=count)
 
 
-def _boxes_of(labels: PseudoLabels, truth: Truth | None, count: int) -> np.ndarray:
-    out = np.zeros((count, 4), dtype=np.int64)
-    out[:, 0] = np.bincount(labels.boxes.labels[labels.box_is_true], minlength=count)
-    pseudo = labels.boxes.select(~labels.box_is_true)
-    out[:, 1] = np.bincount(pseudo.labels, minlength=count)
-    if truth is not None:
-        out[:, 3] = np.bincount(truth.boxes.labels, minlength=count)
-        same = pseudo.labels[:, None] == truth.boxes.labels[None]
-        overlap = np.where(same, rotated_iou_bev(pseudo.tensor, truth.boxes.tensor), 0.0)
-        right = overlap.max(axis=1, initial=0.0) >= MATCH_IOU
-        out[:, 2] = np.bincount(pseudo.labels[right], minlength=count)
-    return out
+def _boxes(labels: PseudoLabels, count: int) -> np.ndarray:
+    revealed = np.bincount(labels.boxes.labels[labels.box_is_true], minlength=count)
+    return np.stack([revealed, np.bincount(labels.boxes.labels[~labels.box_is_true], minlength=count)])
 
 
 def describe_round(summary: dict[str, Any]) -> str:

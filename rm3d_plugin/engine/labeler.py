@@ -18,6 +18,7 @@ from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import ObjectRules, WeakLabels, refresh_detection
 from rm3d_plugin.pseudo_labels.boxes import size_priors
+from rm3d_plugin.pseudo_labels.quality import SceneTruth
 from rm3d_plugin.regions import MergeStrategy
 from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
 from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS, TASK_UTILS
@@ -198,12 +199,18 @@ class SceneLabeler:
 
     def finish(self, number: int, log: Log = print) -> None:
         """Close a round and say how good its labels are, as far as the truth is known (a report, never training)."""
-        summary = summarise(
-            [(self.store.read(scene, number), self.source.truth(index)) for scene, index in self._index.items()],
-            self.source.classes,
-        )
+        scenes = [(self.store.read(scene, number), self._truth(index)) for scene, index in self._index.items()]
+        summary = summarise(scenes, self.source.classes)
         self.store.finish_round(number, summary)
         log(f'labels of round {number}: {describe_round(summary)}')
+
+    def _truth(self, index: int) -> SceneTruth | None:
+        truth = self.source.truth(index)
+        if truth is None or truth.semantic is None:
+            return None
+        cloud = self.source.load_cloud(index)
+        ranges = None if cloud.sensor is None else np.linalg.norm(cloud.xyz - cloud.sensor, axis=1)
+        return SceneTruth(truth.semantic, truth.boxes, ranges)
 
 
 def _prepare_one(labeler: SceneLabeler, scene_id: str) -> None:

@@ -54,7 +54,10 @@ def config_of(args: argparse.Namespace) -> Config:
         from rm3d_plugin.datasets.synthetic import make_streets  # ray casting takes seconds to import
 
         print(DEMO_NOTE)
-        make_streets(config.data_root, **config.demo_data)
+        try:
+            make_streets(config.data_root, **config.demo_data)
+        except ValueError as error:  # a folder that holds real data is left alone
+            raise ConfigError(f'--demo: {error}') from error
     return config
 
 
