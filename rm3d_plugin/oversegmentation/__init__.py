@@ -1,8 +1,9 @@
 """From points to regions: each over-segmenter partitions a cloud by its descriptors."""
 
 from rm3d_plugin.oversegmentation.base import Oversegmenter
+from rm3d_plugin.oversegmentation.cut_pursuit import CutPursuit
 from rm3d_plugin.oversegmentation.precomputed import Precomputed
 from rm3d_plugin.oversegmentation.region_growing import RegionGrowing
 from rm3d_plugin.oversegmentation.vccs import VCCS
 
-__all__ = ['VCCS', 'Oversegmenter', 'Precomputed', 'RegionGrowing']
+__all__ = ['VCCS', 'CutPursuit', 'Oversegmenter', 'Precomputed', 'RegionGrowing']
