@@ -24,6 +24,7 @@ setup(
         'numpy>=2,<2.6',
         'scipy>=1.13',
         'numba>=0.60',
+        'robust-laplacian>=1.1',
         'jaxtyping>=0.2.34',
         'joblib>=1.4',
         'tqdm>=4.66',

@@ -3,22 +3,33 @@
 from rm3d_plugin.descriptors.adapted_pfh import AdaptedPFH, adapted_pfh
 from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, cosine_similarity, region_means
 from rm3d_plugin.descriptors.fpfh import FPFH, fpfh
+from rm3d_plugin.descriptors.hks import HKS, heat_kernel_signature
 from rm3d_plugin.descriptors.pfh import PFH, original_pfh
 from rm3d_plugin.descriptors.shot import SHOT, shot
+from rm3d_plugin.descriptors.sihks import SIHKS, scale_invariant_heat_kernel_signature
+from rm3d_plugin.descriptors.spectral import SpectralDescriptor
 from rm3d_plugin.descriptors.superpoint_graph import SuperpointGraph
+from rm3d_plugin.descriptors.wks import WKS, wave_kernel_signature
 
 __all__ = [
     'FPFH',
+    'HKS',
     'PFH',
     'SHOT',
+    'SIHKS',
+    'WKS',
     'AdaptedPFH',
     'Descriptor',
+    'SpectralDescriptor',
     'SuperpointGraph',
     'adapted_pfh',
     'cloud_normals',
     'cosine_similarity',
     'fpfh',
+    'heat_kernel_signature',
     'original_pfh',
     'region_means',
+    'scale_invariant_heat_kernel_signature',
     'shot',
+    'wave_kernel_signature',
 ]
