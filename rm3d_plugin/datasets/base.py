@@ -53,8 +53,8 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             'none': no labels.
         label_store: Folder of the label store, needed for labels='store'.
         bad_scenes: 'error': a scene that cannot be used raises when it is read. 'skip': every scene is read once at
-            the start (its points; with labels='truth' its labels too), and those that cannot be used are left out, with
-            one warning that counts and names them.
+            the start (see :meth:`check_scene`), and those that cannot be used are left out, with one warning that
+            counts and names them.
         seed: Of the items' generators.
     """
 
@@ -108,6 +108,19 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
     def annotation(self, index: int) -> Any:
         """What the metric needs beyond boxes; handed on as metainfo ``annotation`` with labels='truth'."""
         return None
+
+    def check_scene(self, index: int) -> None:
+        """Read what a run needs of a scene: its points, and with labels='truth' its labels.
+
+        Every data set of a run must leave out the same training scenes, so one whose labels are drawn from by a
+        label budget checks them whatever ``labels`` is.
+
+        Raises:
+            SceneError: The scene cannot be used.
+        """
+        self.load_cloud(index)
+        if self.labels == 'truth':
+            self.load_truth(index)
 
     # ------------------------------------------------------------------ what mmengine calls
 
@@ -203,9 +216,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         reasons: dict[str, SceneError] = {}
         for index, scene_id in enumerate(scene_ids):
             try:
-                self.load_cloud(index)
-                if self.labels == 'truth':
-                    self.load_truth(index)
+                self.check_scene(index)
             except SceneError as error:
                 reasons[scene_id] = error
         if reasons and len(reasons) < len(scene_ids):

@@ -167,6 +167,18 @@ class KittiDataset(SceneDataset):
         semantic[inside] = boxes.labels[instance[inside]]
         return Truth(boxes, semantic, instance)
 
+    def check_scene(self, index: int) -> None:
+        """Read the points, and the labels of every frame that training or a metric may need.
+
+        Raises:
+            SceneError: The frame cannot be used.
+        """
+        trains = self.split in ('train', 'trainval') and (self.folder / 'label_2').is_dir()
+        if trains or self.labels == 'truth':
+            self.load_truth(index)  # reads the points, too
+        else:
+            self.load_cloud(index)
+
     def annotations(self, index: int) -> KittiAnnotation:
         """Label lines and calibration of a frame, for the metric.
 
