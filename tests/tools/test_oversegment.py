@@ -1,0 +1,115 @@
+import importlib.util
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.rooms import make_room
+
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.oversegment import oversegment_file
+from rm3d_plugin.engine.run import exit_code
+from rm3d_plugin.storage import read_npz
+from rm3d_plugin.storage.ply import read_ply
+
+TOOL = Path(__file__).resolve().parents[2] / 'tools' / 'oversegment.py'
+
+
+@pytest.fixture(scope='module')
+def scan(tmp_path_factory):
+    path = tmp_path_factory.mktemp('scan') / 'room.npy'
+    np.save(path, make_room(density=150)[0])
+    return path
+
+
+def test_npz_and_ply_hold_every_point(scan, tmp_path):
+    regions = oversegment_file(scan, tmp_path / 'r.npz', oversegmenter='VCCS', descriptor='SuperpointGraph')
+    saved = read_npz(tmp_path / 'r.npz')
+    np.testing.assert_array_equal(saved['labels'], regions.labels)
+    np.testing.assert_array_equal(saved['xyz'], np.load(scan))
+    options = {'seed_size': 1.0, 'voxel_size': 0.1}
+    coarse = oversegment_file(scan, tmp_path / 'r.ply', 'SuperpointGraph', 'VCCS', oversegmenter_options=options)
+    columns = read_ply(tmp_path / 'r.ply')
+    np.testing.assert_array_equal(columns['region'], coarse.labels)
+    np.testing.assert_array_equal(columns['x'], np.load(scan)[:, 0])
+    colors = np.stack([columns[name] for name in ('red', 'green', 'blue')], axis=1)
+    assert len(np.unique(colors[coarse.labels == 3], axis=0)) == 1
+    assert 10 < len(coarse) < len(regions)
+
+
+def test_world_coordinates_come_back(scan, tmp_path):
+    world = np.load(scan).astype(np.float64) + [4e5, 5e6, 100]
+    np.save(tmp_path / 'world.npy', world)
+    oversegment_file(tmp_path / 'world.npy', tmp_path / 'r.ply', preset='indoor')
+    columns = read_ply(tmp_path / 'r.ply')
+    np.testing.assert_allclose(np.stack([columns[name] for name in 'xyz'], axis=1), world, atol=1e-6)
+
+
+def test_lidar_preset_takes_the_ground_off(tmp_path):
+    grid = np.stack(np.meshgrid(np.arange(3, 20, 0.4), np.arange(-8, 8, 0.4)), axis=-1).reshape(-1, 2)
+    rng = np.random.default_rng(0)
+    box = rng.uniform(0, 1, (600, 3)) * [0.1, 1.5, 1.5] + [8, 0, -1.2]
+    points = np.concatenate([np.c_[grid, np.full(len(grid), -1.7)], box])
+    np.c_[points, np.zeros(len(points))].astype('<f4').tofile(tmp_path / 'a.bin')
+    regions = oversegment_file(tmp_path / 'a.bin', tmp_path / 'a.npz', preset='lidar')
+    assert (regions.labels[: len(grid)] == -1).mean() > 0.95
+    assert (regions.labels[len(grid) :] >= 0).mean() > 0.8
+
+
+@pytest.mark.skipif(importlib.util.find_spec('plotly') is None, reason='plotly is not installed')
+@pytest.mark.filterwarnings('ignore::DeprecationWarning:plotly')
+def test_html_is_complete_by_itself(scan, tmp_path):
+    regions = oversegment_file(scan, tmp_path / 'r.html', preset='indoor')
+    page = (tmp_path / 'r.html').read_text(encoding='utf-8')
+    assert f'room.npy: {len(regions)} regions' in page and '<script src="http' not in page
+    assert len(page) > 1_000_000
+
+
+def test_a_missing_package_is_told(scan, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'cut_pursuit_py', None)
+    monkeypatch.setitem(sys.modules, 'plotly.graph_objects', None)
+    with pytest.raises(ConfigError, match='pip install cut-pursuit-py'):
+        oversegment_file(scan, tmp_path / 'r.npz', 'SuperpointGraph', 'CutPursuit')
+    with pytest.raises(ConfigError, match='pip install plotly'):
+        oversegment_file(scan, tmp_path / 'r.html', 'SuperpointGraph', 'VCCS')
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['--out', 'r.obj'], "unknown ending '.obj'; expected one of .ply .npz .html"),
+        (['--out', 'r.ply', '--descriptor', 'PFG'], "got 'PFG'"),
+        (['--out', 'r.ply', '--oversegmenter', 'SLIC'], 'RegionGrowing'),
+        (['--out', 'r.ply', '--oversegmenter', 'VCCS', '--oversegmenter-options', 'seed=1'], 'VCCS: '),
+        (['--out', 'r.ply', '--oversegmenter', 'VCCS', '--oversegmenter-options', 'seed_size=0.01'], 'seed_size >'),
+    ],
+)
+def test_what_the_user_can_mend_is_one_message(scan, tmp_path, capsys, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    assert exit_code(runpy.run_path(str(TOOL))['main'], [str(scan), *arguments]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith('error: ') and message in told and not list(tmp_path.iterdir())
+
+
+def test_command_line(scan, tmp_path):
+    options = ['seed_size=0.8', 'voxel_size=0.1', 'distance=pcl']
+    words = ['--descriptor', 'SuperpointGraph', '--oversegmenter', 'VCCS', '--oversegmenter-options', *options]
+    done = run(scan, '--out', 'deep/r.npz', *words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    labels = read_npz(tmp_path / 'deep' / 'r.npz')['labels']
+    assert f'{labels.max() + 1} regions of {len(labels)} points' in done.stdout
+
+
+def test_a_missing_scan_is_named(tmp_path, capsys):
+    main = runpy.run_path(str(TOOL))['main']
+    assert exit_code(main, [str(tmp_path / 'none.ply'), '--out', str(tmp_path / 'r.ply')]) == 2
+    assert 'none.ply: no such file' in capsys.readouterr().err
+    with pytest.raises(SystemExit, match='0'):
+        main(['--help'])
+    assert '--oversegmenter-options' in capsys.readouterr().out
+
+
+def run(*words, cwd):
+    return subprocess.run([sys.executable, TOOL, *map(str, words)], cwd=cwd, capture_output=True, text=True, timeout=60)
