@@ -44,7 +44,7 @@ def scale_invariant_heat_kernel_signature(
 class SIHKS(SpectralDescriptor):
     """Scale-invariant heat kernel signature of every point, (N, 6) without unit; arguments: ``SpectralDescriptor``.
 
-    Costs 0.05 ms a point of the sub-cloud beyond the eigenpairs. The sub-cloud has a spacing in metres: sizes compare
+    Costs 0.01 ms a point of the sub-cloud beyond the eigenpairs. The sub-cloud has a spacing in metres: sizes compare
     as long as it resolves both.
     """
 

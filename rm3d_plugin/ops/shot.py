@@ -20,6 +20,18 @@ BINS = VOLUMES * COSINE_BINS
 MIN_NEIGHBORS = 5  # for a frame, the centre not among them
 MEDIAN_POINTS = 5  # decide a sign that the majority leaves open
 LINE = 1e-10  # second eigenvalue over the largest: below it the neighbours lie on a line, which has no frame
+# From the second highest power down: arctan(x) / x in x^2, arccos(x) / sqrt(1 - x) in x.
+ARC_TANGENT = (
+    -0.0161657367,
+    0.0429096138,
+    -0.0752896400,
+    0.1065626393,
+    -0.1420889944,
+    0.1999355085,
+    -0.3333314528,
+    1.0,
+)
+ARC_COSINE = (0.0066700901, -0.0170881256, 0.0308918810, -0.0501743046, 0.0889789874, -0.2145988016, 1.5707963050)
 CHUNK = 1 << 15  # neighbourhoods held in memory at a time
 BLOCK = 512  # points that one thread works on at a time
 
@@ -102,11 +114,38 @@ def _frame(local, count, radius, matrix, vectors, axes):
 
 
 @njit(cache=True, nogil=True)
+def _azimuth(y, x):
+    """``arctan2`` to 3e-8 rad: polynomial 4.4.49 of Abramowitz and Stegun."""
+    across, along = abs(y), abs(x)
+    ratio = min(across, along) / max(across, along)
+    square = ratio * ratio
+    value = 0.0028662257
+    for factor in ARC_TANGENT:
+        value = value * square + factor
+    value *= ratio
+    value = np.pi / 2 - value if across > along else value
+    value = np.pi - value if x < 0.0 else value
+    return -value if y < 0.0 else value
+
+
+@njit(cache=True, nogil=True)
+def _inclination(cosine):
+    """``arccos`` to 3e-8 rad: polynomial 4.4.46 of Abramowitz and Stegun."""
+    size = min(abs(cosine), 1.0)
+    value = -0.0012624911
+    for factor in ARC_COSINE:
+        value = value * size + factor
+    value *= np.sqrt(1.0 - size)
+    return np.pi - value if cosine < 0.0 else value
+
+
+@njit(cache=True, nogil=True)
 def _vote(x, y, z, distance, cosine, radius, histogram):
     """Add one neighbour: in each of four directions it is shared between the bin that holds it and the nearest next."""
     half = 1 if z > 0.0 else 0
     shell = 1 if distance > radius / 2 else 0
-    turn = (np.arctan2(y, x) + np.pi) / (np.pi / 4)
+    aside = x != 0.0 or y != 0.0
+    turn = (_azimuth(y, x) + np.pi) / (np.pi / 4) if aside else 0.0
     sector = min(int(turn), SECTORS - 1)
     position = (1.0 + cosine) * (COSINE_BINS - 1) / 2
     step = int(position + 0.5)
@@ -123,12 +162,12 @@ def _vote(x, y, z, distance, cosine, radius, histogram):
     if (beside > 0.0) != (shell == 1):
         histogram[(volume + (HALVES if shell == 0 else -HALVES)) * COSINE_BINS + step] += abs(beside)
 
-    beside = 1.5 - np.arccos(min(max(z / distance, -1.0), 1.0)) / (np.pi / 2) - half
+    beside = 1.5 - _inclination(z / distance) / (np.pi / 2) - half
     own += 1.0 - abs(beside)
     if (beside > 0.0) != (half == 1):
         histogram[(volume + (1 if half == 0 else -1)) * COSINE_BINS + step] += abs(beside)
 
-    if x != 0.0 or y != 0.0:
+    if aside:
         beside = min(max(turn - 0.5 - sector, -0.5), 0.5)
         own += 1.0 - abs(beside)
         next_sector = (sector + (1 if beside > 0.0 else SECTORS - 1)) % SECTORS
