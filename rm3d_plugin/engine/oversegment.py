@@ -1,0 +1,113 @@
+"""A scan in, its regions out: what tools/oversegment.py does."""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mmengine.registry import Registry
+
+import rm3d_plugin.descriptors
+import rm3d_plugin.oversegmentation  # noqa: F401  (both register their parts)
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.regions.prepare import scatter, with_normals
+from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
+from rm3d_plugin.storage import write_npz
+from rm3d_plugin.storage.ply import write_ply
+from rm3d_plugin.storage.scans import read_cloud
+from rm3d_plugin.structures import PointCloud, Regions
+from rm3d_plugin.visualization.palette import region_colors
+from rm3d_plugin.visualization.regions_page import write_regions_page
+
+ENDINGS = ('.ply', '.npz', '.html')
+
+
+def build_part(registry: Registry, name: str, preset: str | None, options: Mapping[str, Any]) -> Any:
+    """Build a registered part by its type name.
+
+    Args:
+        registry: Where the name is looked up.
+        name: Type name.
+        preset: Start from the numbers of this preset, where the part has any.
+        options: Arguments; they win over the preset's.
+
+    Raises:
+        ConfigError: No such part or preset, or an argument that it does not take.
+    """
+    kinds = registry.module_dict
+    if name not in kinds:
+        raise ConfigError(f'{registry.name}: expected one of {sorted(kinds)}, got {name!r}')
+    arguments: dict[str, Any] = {}
+    if preset is not None and hasattr(kinds[name], 'preset'):
+        numbers = presets_beside(kinds[name])
+        if preset not in numbers:
+            raise ConfigError(f'{name}: preset: expected one of {sorted(numbers)}, got {preset!r}')
+        arguments |= numbers[preset]
+    try:
+        return kinds[name](**arguments | dict(options))
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f'{name}: {error}') from error
+
+
+def presets_beside(kind: type) -> dict[str, dict[str, Any]]:
+    """The presets that stand beside a class."""
+    presets: dict[str, dict[str, Any]] = vars(sys.modules[kind.__module__])['PRESETS']
+    return presets
+
+
+def oversegment_file(
+    scan: str | Path,
+    out: str | Path,
+    descriptor: str = 'AdaptedPFH',
+    oversegmenter: str = 'RegionGrowing',
+    preset: str | None = None,
+    descriptor_options: Mapping[str, Any] | None = None,
+    oversegmenter_options: Mapping[str, Any] | None = None,
+) -> Regions:
+    """Read a scan, describe and partition it, and write the regions.
+
+    Args:
+        scan: See :func:`rm3d_plugin.storage.scans.read_cloud`.
+        out: ``.ply`` (points in their own coordinates, coloured by region, with a column ``region``), ``.npz``
+            (``xyz``, ``origin``, ``labels``) or ``.html`` (3D view).
+        descriptor: Type name in ``DESCRIPTORS``.
+        oversegmenter: Type name in ``OVERSEGMENTERS``.
+        preset: ``'indoor'`` or ``'lidar'`` for the parts that have presets; None: their defaults.
+        descriptor_options: Arguments of the descriptor.
+        oversegmenter_options: Arguments of the over-segmenter.
+
+    Raises:
+        SceneError: The scan cannot be used.
+        ConfigError: A part, argument or ending is not known, or needs a package that is not installed.
+    """
+    out = Path(out)
+    if out.suffix.lower() not in ENDINGS:
+        raise ConfigError(f'{out}: unknown ending {out.suffix!r}; expected one of {" ".join(ENDINGS)}')
+    describer = build_part(DESCRIPTORS, descriptor, preset, descriptor_options or {})
+    segmenter = build_part(OVERSEGMENTERS, oversegmenter, preset, oversegmenter_options or {})
+    cloud = read_cloud(scan)
+    kept = np.flatnonzero(~segmenter.find_ground(cloud))
+    rest = with_normals(cloud.select(kept))
+    try:
+        labels = np.asarray(segmenter.partition(rest, describer.compute(rest)), dtype=np.int64)
+        regions = Regions(scatter(labels, kept, len(cloud), fill=-1))
+        write_regions(out, cloud, regions, Path(scan).name)
+    except ImportError as error:
+        raise ConfigError(str(error)) from error
+    return regions
+
+
+def write_regions(out: Path, cloud: PointCloud, regions: Regions, name: str) -> Path:
+    """Write a partition as its ending says, see :func:`oversegment_file`."""
+    if out.suffix.lower() == '.npz':
+        arrays = {'xyz': cloud.xyz, 'origin': np.asarray(cloud.origin), 'labels': regions.labels}
+        return write_npz(out, arrays)
+    if out.suffix.lower() == '.html':
+        return write_regions_page(out, cloud.xyz, regions.labels, f'{name}: {len(regions)} regions')
+    world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
+    xyz = world if np.any(cloud.origin) else cloud.xyz
+    colors = np.round(region_colors(regions.labels) * 255).astype(np.uint8)
+    columns = {name: xyz[:, i] for i, name in enumerate('xyz')}
+    columns |= {name: colors[:, i] for i, name in enumerate(('red', 'green', 'blue'))}
+    return write_ply(out, columns | {'region': regions.labels.astype(np.int32)})

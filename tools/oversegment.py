@@ -1,0 +1,47 @@
+"""Divide a scan into regions: .bin, .npy, .npz, .txt, .xyz or .ply in; .ply, .npz or .html out."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from mmengine.config import DictAction
+
+from rm3d_plugin.engine.oversegment import oversegment_file
+from rm3d_plugin.engine.run import exit_code
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Read the arguments and divide."""
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog='Example: tools/oversegment.py room.ply --descriptor FPFH --oversegmenter VCCS '
+        '--oversegmenter-options seed_size=0.5 --out regions.html',
+    )
+    parser.add_argument('scan', type=Path, help='points in metres, z up')
+    parser.add_argument('--out', type=Path, required=True, help='.ply (coloured), .npz (labels) or .html (3D view)')
+    parser.add_argument('--descriptor', default='AdaptedPFH', help='type name, FPFH say; default AdaptedPFH')
+    parser.add_argument(
+        '--oversegmenter', default='RegionGrowing', help='RegionGrowing, VCCS or CutPursuit; default RegionGrowing'
+    )
+    parser.add_argument('--preset', choices=['indoor', 'lidar'], help='numbers that suit a kind of scene')
+    for part in ('descriptor', 'oversegmenter'):
+        parser.add_argument(
+            f'--{part}-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help=f'of the {part}'
+        )
+    args = parser.parse_args(arguments)
+    regions = oversegment_file(
+        args.scan,
+        args.out,
+        args.descriptor,
+        args.oversegmenter,
+        args.preset,
+        args.descriptor_options,
+        args.oversegmenter_options,
+    )
+    discarded = int((regions.labels < 0).sum())
+    print(f'{args.out}: {len(regions)} regions of {len(regions.labels)} points, {discarded} points discarded')
+
+
+if __name__ == '__main__':
+    sys.exit(exit_code(main))
