@@ -24,7 +24,10 @@ from rm3d_plugin.visualization import (
 _SCORE = re.compile(
     r'(?P<name>\w+?)_(?P<metric>3d|bev)_(?P<level>easy|moderate|hard)_R40(@(?P<iou>[\d.]+)|(?P<loose>_loose)?)'
 )
-HEADLINES = ('mAP_3d_moderate_R40_loose', 'mAP_3d_moderate_R40')
+HEADLINES = {
+    'mAP_3d_moderate_R40_loose': '3D AP, loose IoU',
+    'mAP_3d_moderate_R40': '3D AP, official IoU',
+}  # means, moderate
 SHOWN_KEYS = ('descriptor', 'oversegmenter', 'strategy', 'budget', 'rounds', 'sigma', 'seed', 'data_root', 'batch_size')
 
 
@@ -120,7 +123,7 @@ def run_report(
     charts = [loss_chart(record['losses']), score_chart(record['validation'])]
     rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
     final = record.get('final', {})
-    headline = {key: f'{final[key]:.1f} %' for key in HEADLINES if key in final}
+    headline = {name: f'{final[key]:.1f} %' for key, name in HEADLINES.items() if key in final}
     facts = {'epochs': len(record['losses']), 'label rounds': len(rounds), 'work dir': Path(config.work_dir).name}
     return RunReport(
         title=str(config.get('config_name', 'RM3D run')),
