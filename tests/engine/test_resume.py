@@ -49,7 +49,9 @@ def test_the_unbroken_run_has_two_rounds_two_epochs_and_two_validations(finished
 RESUMED_FROM_EPOCH_1 = [
     'in the second epoch',
     'in a refresh',
+    'in a label file',
     'before a round closes',
+    'in the record',
     'in a checkpoint',
     'before a validation',
 ]
@@ -68,8 +70,15 @@ def test_a_killed_run_goes_on_bit_for_bit(moment, world, finished, tmp_path):
     assert ('training starts from scratch' in log) == (moment == 'in the first epoch')
     assert not list(work.glob('.*')), 'parts of files were left behind'
     if moment in RESUMED_FROM_EPOCH_1:
-        again = moment in ('in a refresh', 'before a round closes', 'before a validation')
+        again = moment not in ('in the second epoch', 'in the record', 'in a checkpoint')
         assert [number for number, _, _ in tiny_runs.refreshes(log)] == ([1, 1, 1] if again else [])
+
+
+def test_worker_processes_change_no_bit(world, finished, tmp_path):
+    settings = tiny_runs.options(world, num_workers=2)
+    code, log = tiny_runs.run(tmp_path / 'log.txt', tiny_runs.train, tmp_path / 'run', settings)
+    assert code == 0, log
+    assert_same_run(tmp_path / 'run', finished.folder)
 
 
 def test_resuming_a_finished_run_changes_nothing(world, finished, tmp_path):

@@ -137,3 +137,17 @@ def test_scans_and_devices_that_cannot_be_used(call, trained, world, tmp_path):
     assert '--device gpu' in refused(call('predict', checkpoint, scan, '--out', out, '--device', 'gpu'))
     message = refused(call('predict', checkpoint, scan, '--out', out, '--device', 'cuda:9'))
     assert '--device cuda:9' in message and 'CUDA devices were found' in message
+
+
+def test_a_demo_run_says_so_and_resuming_nothing_starts_anew(call, world, tmp_path):
+    sizes = ['demo_data.num_train=3', 'demo_data.num_val=1', 'demo_data.seed=1', 'demo_data.azimuth_step=1.0']
+    run = tmp_path / 'run'
+    arguments = tiny_runs.arguments_of(tiny_runs.options(world, rounds=1), run)
+    code, output = call('train', *arguments, *sizes, '--demo', '--resume')
+    assert code == 0, output
+    assert f'--resume: there is no epoch_*.pth in {run}; training starts from scratch' in output
+    lines = output.splitlines()
+    assert lines[0].startswith('Demo data: the scenes are synthetic') and lines[-2] == lines[0]
+    assert lines[-1] == f'report: {run / "report.html"}' and (run / 'report.html').is_file()
+    code, output = call('train', *arguments, *sizes, '--demo', '--resume')
+    assert code == 0 and 'from scratch' not in output and 'resumed epoch: 1' in output
