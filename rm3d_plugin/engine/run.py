@@ -86,6 +86,8 @@ def train(config: Config, resume: bool = False, amp: bool = False, launcher: str
         use_amp(config)
     check_data(config, 'train_dataloader', 'val_dataloader')
     work_dir = Path(config.work_dir)
+    for part in work_dir.glob('.*.tmp'):  # what a killed run was writing
+        part.unlink(missing_ok=True)
     checkpoint = latest_checkpoint(work_dir) if resume else None
     if checkpoint is None:
         if resume:
