@@ -10,9 +10,9 @@ from rm3d_plugin.ops.laplacian import Eigenpairs
 from rm3d_plugin.registry import DESCRIPTORS
 
 FREQUENCIES = 6
-OCTAVES = (1.0, 25.0)  # tau; t = 2^tau
+OCTAVES = (1.0, 25.0)  # tau
 STEP = 1.0 / 16.0  # of tau
-UNIT = 1e-4  # m^2; t counts square centimetres: 2 cm^2 to 3355 m^2, from below one sample to above one scene
+START = 0.01  # l_max t at the first tau: the heat kernel is still flat there, and is again at the last tau
 
 
 def scale_invariant_heat_kernel_signature(
@@ -20,17 +20,17 @@ def scale_invariant_heat_kernel_signature(
 ) -> Float[np.ndarray, 'points frequencies']:
     """Magnitudes of the lowest Fourier coefficients of ``d/dtau log h(2^tau)``, without unit.
 
-    ``h(t) = sum_k exp(-l_k t) phi_k^2`` over all pairs, the constant function among them, so that log h is flat at both
-    ends of tau = 1, 1 + 1/16, ..., 25. A larger surface shifts log h in tau and adds a constant; the derivative removes
-    the constant, the magnitude the shift. The derivative is taken in closed form:
-    ``-ln 2 t sum l_k exp(-l_k t) phi_k^2 / h``.
+    ``h(t) = sum_k exp(-l_k t) phi_k^2`` over all pairs, the constant function among them, at tau = 1, 1 + 1/16,
+    ..., 25. The unit of t is 1 / (200 l_max): l_max t runs from 0.01 to 168000, so that log h is flat at both ends. A
+    larger surface shifts log h in tau and adds a constant; the derivative removes the constant, the magnitude the
+    shift. The derivative is taken in closed form: ``-ln 2 t sum l_k exp(-l_k t) phi_k^2 / h``.
 
     Args:
         pairs: (K,) eigenvalues in 1 / m^2, the first about 0, and (N, K) functions.
         frequencies: Coefficients kept, from the constant one on.
     """
     steps = round((OCTAVES[1] - OCTAVES[0]) / STEP) + 1
-    times = UNIT * 2.0 ** np.linspace(*OCTAVES, steps)
+    times = START / pairs.values[-1] * 2.0 ** (np.linspace(*OCTAVES, steps) - OCTAVES[0])
     eigenvalues = pairs.values.copy()
     eigenvalues[0] = 0.0  # what rounding leaves there would grow with t
     decay = np.exp(-np.outer(eigenvalues, times))

@@ -35,7 +35,7 @@ def slow_sihks(values, functions):
     """(N, 6): the derivative as a central difference over 2e-4 of tau, the transform as a sum."""
 
     def log_heat(tau):
-        t = 1e-4 * 2.0**tau
+        t = 2.0**tau / (200 * values[-1])
         return np.log(sum(np.exp(-max(v, 0) * t) * f**2 for v, f in zip(values, functions.T, strict=True)))
 
     taus = np.arange(1, 25 + 1 / 32, 1 / 16)
