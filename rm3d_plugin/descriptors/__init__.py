@@ -9,6 +9,7 @@ from rm3d_plugin.descriptors.shot import SHOT, shot
 from rm3d_plugin.descriptors.sihks import SIHKS, scale_invariant_heat_kernel_signature
 from rm3d_plugin.descriptors.spectral import SpectralDescriptor
 from rm3d_plugin.descriptors.superpoint_graph import SuperpointGraph
+from rm3d_plugin.descriptors.vccs import VCCS
 from rm3d_plugin.descriptors.wks import WKS, wave_kernel_signature
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     'PFH',
     'SHOT',
     'SIHKS',
+    'VCCS',
     'WKS',
     'AdaptedPFH',
     'Descriptor',
