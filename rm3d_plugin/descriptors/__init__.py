@@ -10,6 +10,7 @@ from rm3d_plugin.descriptors.sihks import SIHKS, scale_invariant_heat_kernel_sig
 from rm3d_plugin.descriptors.spectral import SpectralDescriptor
 from rm3d_plugin.descriptors.superpoint_graph import SuperpointGraph
 from rm3d_plugin.descriptors.vccs import VCCS
+from rm3d_plugin.descriptors.visual_similarity import LightFields, VisualSimilarity, light_field_distance, light_fields
 from rm3d_plugin.descriptors.wks import WKS, wave_kernel_signature
 
 __all__ = [
@@ -22,13 +23,17 @@ __all__ = [
     'WKS',
     'AdaptedPFH',
     'Descriptor',
+    'LightFields',
     'SpectralDescriptor',
     'SuperpointGraph',
+    'VisualSimilarity',
     'adapted_pfh',
     'cloud_normals',
     'cosine_similarity',
     'fpfh',
     'heat_kernel_signature',
+    'light_field_distance',
+    'light_fields',
     'original_pfh',
     'region_means',
     'scale_invariant_heat_kernel_signature',

@@ -18,9 +18,9 @@ from rm3d_plugin.structures import Descriptors, PointCloud
 class VCCS(Descriptor):
     """Mean histogram of the supervoxel of each point, rows that sum to 1: the same for all points of a supervoxel.
 
-    Supervoxels grow by the paper's distance on the histograms of another descriptor (FPFH in the paper) and colour where
-    there is one. Position and colour are left out of the rows, so that they compare surfaces wherever they lie. A point
-    that no supervoxel reached is described by the connected voxels around it.
+    Supervoxels grow by the paper's distance on the histograms of another descriptor (FPFH in the paper), and on colour
+    where there is one. Position and colour are left out of the rows, so that they compare surfaces wherever they lie. A
+    point that no supervoxel reached is described by the connected voxels around it.
 
     Args:
         base: Config of the descriptor of points; its values must not be negative.
