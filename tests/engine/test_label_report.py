@@ -1,49 +1,82 @@
-"""Counts of the label report on a scene worked out by hand."""
+"""The summary of a round, added up by hand."""
+
+import json
 
 import numpy as np
+import pytest
 
 from rm3d_plugin.engine.label_report import describe_round, summarise
-from rm3d_plugin.pseudo_labels.quality import SceneTruth
+from rm3d_plugin.pseudo_labels import SceneTruth
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
-
-def box(x: float) -> list[float]:
-    return [x, 0.0, 0.0, 4.0, 2.0, 1.5, 0.0]
+CLASSES = ('Car', 'Pedestrian', 'Cyclist')  # 3 = background
 
 
-TRUTH = SceneTruth(
-    semantic=np.array([0, 0, 0, 1, 1, 1, 1, 1]),
-    boxes=Boxes3D(np.array([box(10), box(20), box(30)]), np.array([0, 0, 0])),
-    ranges=np.array([5.0, 5.0, 5.0, 5.0, 40.0, 40.0, 50.0, 50.0]),
+def labels(semantic, is_true, boxes=(), box_labels=(), box_is_true=()):
+    semantic, is_true = np.array(semantic), np.array(is_true, dtype=bool)
+    return PseudoLabels(
+        semantic=semantic,
+        instance=np.full(len(semantic), -1),
+        point_is_true=is_true,
+        confidence=(semantic >= 0).astype(np.float32),
+        boxes=Boxes3D(np.array(boxes, dtype=float).reshape(-1, 7), np.array(box_labels, dtype=np.int64)),
+        box_is_true=np.array(box_is_true, dtype=bool),
+    )
+
+
+def car(x):
+    return [x, 0, 0, 4, 2, 1.5, 0]
+
+
+def walker(x):
+    return [x, 5, 0, 0.8, 0.8, 1.8, 0]
+
+
+FIRST = labels(
+    [0, 0, 3, 3, 1, -1, -1, -1], [1, 0, 0, 0, 0, 0, 0, 0], [car(10), car(20), walker(9)], [0, 0, 1], [1, 0, 0]
 )
-LABELS = PseudoLabels(
-    semantic=np.array([0, 0, 0, 1, 0, 1, -1, -1]),  # point 0 revealed; of the pseudo cars 1, 2, 4 the last is wrong
-    instance=np.array([0, 1, 1, -1, 2, -1, -1, -1]),
-    point_is_true=np.array([True] + [False] * 7),
-    confidence=np.ones(8, dtype=np.float32),
-    boxes=Boxes3D(np.array([box(10), box(20.5), box(60)]), np.array([0, 0, 0])),
-    box_is_true=np.array([True, False, False]),
+SECOND = labels([3, -1], [0, 0])
+TRUTHS = (
+    SceneTruth(
+        np.array([0, 0, 3, 0, 3, 3, 3, 3]),
+        Boxes3D(np.array([car(10), car(20.5), walker(30)], dtype=float), np.array([0, 0, 1])),
+    ),
+    SceneTruth(np.array([3, 3]), Boxes3D.empty()),
 )
 
 
-def test_hand_worked_scene() -> None:
-    found = summarise([(LABELS, TRUTH)], ['Car'])
-    assert found['coverage'] == 6 / 8
-    assert found['truth_known'] is True
-    assert found['points']['Car'] == {'pseudo': 3, 'precision': 2 / 3}
-    assert found['points']['background'] == {'pseudo': 2, 'precision': 1.0}
-    assert found['boxes']['Car'] == {'revealed': 1, 'pseudo': 2, 'right': 1, 'true': 3}
-    assert '1 right of 3 true' in describe_round(found)
+def test_points_and_boxes_are_added_up_over_scenes():
+    summary = summarise([(FIRST, TRUTHS[0]), (SECOND, TRUTHS[1])], CLASSES)
+    assert summary['coverage'] == pytest.approx(6 / 10) and summary['truth_known'] is True
+    assert summary['points'] == {
+        'Car': {'pseudo': 1, 'precision': 1.0},
+        'Pedestrian': {'pseudo': 1, 'precision': 0.0},
+        'Cyclist': {'pseudo': 0, 'precision': None},
+        'background': {'pseudo': 3, 'precision': pytest.approx(2 / 3)},
+    }
+    assert summary['boxes'] == {
+        'Car': {'revealed': 1, 'pseudo': 1, 'right': 1, 'true': 2},
+        'Pedestrian': {'revealed': 0, 'pseudo': 1, 'right': 0, 'true': 1},
+        'Cyclist': {'revealed': 0, 'pseudo': 0, 'right': 0, 'true': 0},
+    }
+    json.dumps(summary)
+    line = describe_round(summary)
+    assert line.startswith('coverage 60.0 %; Car 1 points (100 % right); Pedestrian 1 points (0 % right)')
+    assert 'Cyclist 0 points; background 3 points (67 % right); Car boxes 1 revealed + 1 pseudo, 1 right of 2' in line
 
 
-def test_without_truth_nothing_is_judged() -> None:
-    found = summarise([(LABELS, None)], ['Car'])
-    assert found['truth_known'] is False
-    assert found['coverage'] == 6 / 8
-    assert found['points']['Car'] == {'pseudo': 3, 'precision': None}
-    assert found['boxes']['Car'] == {'revealed': 1, 'pseudo': 2, 'right': 0, 'true': 1}
-    assert 'right' not in describe_round(found)
+@pytest.mark.parametrize('scenes', [[(FIRST, None), (SECOND, None)], []])
+def test_without_truth_only_what_there_is_is_counted(scenes):
+    summary = summarise(scenes, CLASSES)
+    assert summary['truth_known'] is False and summary['coverage'] == (0.6 if scenes else 0.0)
+    assert [row['precision'] for row in summary['points'].values()] == [None] * 4
+    there = 1 if scenes else 0
+    assert summary['boxes']['Car'] == {'revealed': there, 'pseudo': there, 'right': 0, 'true': there}
+    assert 'right' not in describe_round(summary)
+    json.dumps(summary)
 
 
-def test_no_scene() -> None:
-    assert summarise([], ['Car'])['coverage'] == 0.0
+def test_scenes_without_truth_beside_scenes_with_it():
+    summary = summarise([(FIRST, TRUTHS[0]), (FIRST, None)], CLASSES)
+    assert summary['points']['Car'] == {'pseudo': 2, 'precision': 1.0}
+    assert summary['boxes']['Car']['pseudo'] == 2 and summary['boxes']['Car']['right'] == 1

@@ -1,0 +1,152 @@
+"""Seeds, records and checkpoints: each hook with a runner that is no more than its fields."""
+
+import json
+import random
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from mmengine.config import Config
+
+from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.hooks import EpochSeedHook, RunRecordHook, SafeCheckpointHook
+from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.engine.hooks.safe_checkpoint_hook import AtomicLocalBackend, latest_checkpoint
+from rm3d_plugin.engine.loops import RoundTrainLoop
+
+
+def draws(epoch, seed):
+    EpochSeedHook().before_train_epoch(SimpleNamespace(epoch=epoch, seed=seed))
+    return torch.rand(3).tolist(), np.random.rand(3).tolist(), random.random()  # noqa: NPY002
+
+
+def test_an_epoch_draws_the_same_numbers_whatever_came_before():
+    first = draws(3, seed=5)
+    draws(2, seed=5)
+    assert draws(3, seed=5) == first
+    assert draws(4, seed=5) != first and draws(3, seed=6) != first
+    assert draws(3, seed=None) == draws(3, seed=0)
+
+
+def runner_at(work_dir, epoch=0, validate=None, val_interval=2, max_epochs=4):
+    val_loop = None if validate is None else SimpleNamespace(run=validate)
+    return SimpleNamespace(
+        work_dir=str(work_dir),
+        epoch=epoch,
+        seed=7,
+        cfg={'config_name': 'leaf', 'is_demo': True},
+        val_loop=val_loop,
+        train_loop=SimpleNamespace(val_interval=val_interval, max_epochs=max_epochs),
+    )
+
+
+def test_losses_are_averaged_over_an_epoch_and_scores_kept(tmp_path):
+    hook, runner = RunRecordHook(), runner_at(tmp_path)
+    hook.before_train(runner)
+    for step, loss in enumerate((1.0, 2.0, 6.0)):
+        hook.after_train_iter(runner, step, outputs={'loss': torch.tensor(loss, requires_grad=True), 'loss_a': loss})
+    hook.after_train_epoch(runner)
+    hook.after_train_iter(runner, 0, outputs={'loss': 0.5})
+    runner.epoch = 1
+    hook.after_train_epoch(runner)
+    hook.after_val_epoch(runner, {'AP': 10.0})
+    runner.epoch = 2
+    hook.after_val_epoch(runner, {'AP': 20.0, 'empty': float('nan')})
+    hook.after_train(runner)
+    assert read_record(tmp_path) == {
+        'losses': {'1': {'loss': 3.0, 'loss_a': 3.0}, '2': {'loss': 0.5}},
+        'validation': {'1': {'AP': 10.0}, '2': {'AP': 20.0, 'empty': None}},
+        'final': {'AP': 20.0, 'empty': None},
+        'config': 'leaf',
+        'seed': 7,
+        'synthetic': True,
+    }
+
+
+def record(tmp_path, losses, validation):
+    content = {'losses': dict.fromkeys(losses, {}), 'validation': dict.fromkeys(validation, {}), 'final': {}}
+    (tmp_path / 'metrics.json').write_text(json.dumps(content))
+
+
+def test_a_resumed_run_forgets_the_epochs_it_trains_again(tmp_path):
+    record(tmp_path, ['1', '2', '3', '10'], ['2', '10'])
+    hook = RunRecordHook()
+    hook.before_train(runner_at(tmp_path, epoch=3))
+    assert sorted(hook.record['losses']) == ['1', '2', '3'] and list(hook.record['validation']) == ['2']
+    hook.before_train(runner_at(tmp_path, epoch=0))
+    assert hook.record['losses'] == hook.record['validation'] == {}
+
+
+@pytest.mark.parametrize(
+    ('epoch', 'there', 'made_up'),
+    [(2, [], 1), (2, ['2'], 0), (3, ['2'], 0), (4, ['2'], 1), (4, ['2', '4'], 0), (0, [], 0)],
+)
+def test_a_validation_that_an_interrupted_run_did_not_reach_is_made_up(tmp_path, epoch, there, made_up):
+    record(tmp_path, [], there)
+    calls = []
+    RunRecordHook().before_train(runner_at(tmp_path, epoch, validate=lambda: calls.append(epoch)))
+    assert calls == [epoch] * made_up
+
+
+def test_the_last_score_is_that_of_the_highest_epoch_not_of_the_highest_text(tmp_path):
+    hook = RunRecordHook()
+    hook.record = {'losses': {}, 'validation': {'9': {'AP': 1.0}, '10': {'AP': 2.0}}, 'final': {}}
+    hook.after_train(runner_at(tmp_path))
+    assert read_record(tmp_path)['final'] == {'AP': 2.0}
+
+
+def test_the_latest_checkpoint_is_a_complete_one_of_the_highest_epoch(tmp_path):
+    assert latest_checkpoint(tmp_path) is None and latest_checkpoint(tmp_path / 'absent') is None
+    for name in ('epoch_9.pth', 'epoch_10.pth', 'epoch_best.pth', '.epoch_11.pth.x.part', 'iter_99.pth'):
+        (tmp_path / name).write_bytes(b'')
+    (tmp_path / 'last_checkpoint').write_text('')
+    assert latest_checkpoint(tmp_path) == tmp_path / 'epoch_10.pth'
+
+
+def test_a_failed_write_leaves_the_old_checkpoint_and_nothing_else(tmp_path):
+    backend, path = AtomicLocalBackend(), tmp_path / 'runs' / 'epoch_1.pth'
+    backend.put(b'old', path)
+    with pytest.raises(TypeError):
+        backend.put('no bytes', path)
+    assert path.read_bytes() == b'old' and [p.name for p in path.parent.iterdir()] == ['epoch_1.pth']
+    backend.put(b'new', str(path))
+    assert path.read_bytes() == b'new'
+
+
+def test_a_checkpoint_loads_without_running_code_and_brings_its_config(tmp_path):
+    config = Config({'widths': [8, 16], 'nested': {'key': (1, 2)}, 'none': None})
+    state = {'meta': {'epoch': 3}, 'state_dict': {'w': torch.ones(2)}, 'message_hub': {'log_scalars': {'x': object()}}}
+    SafeCheckpointHook().before_save_checkpoint(SimpleNamespace(cfg=config), state)
+    torch.save(state, tmp_path / 'epoch_3.pth')
+    loaded = read_checkpoint(tmp_path / 'epoch_3.pth')
+    assert json.loads(loaded['meta']['config_json']) == {'widths': [8, 16], 'nested': {'key': [1, 2]}, 'none': None}
+    assert loaded['message_hub'] == {'log_scalars': {}, 'runtime_info': {}, 'resumed_keys': {}}
+
+
+def test_a_new_run_sweeps_up_parts_of_checkpoints(tmp_path):
+    for name in ('.epoch_2.pth.abc.part', 'epoch_1.pth', 'notes.part'):
+        (tmp_path / name).write_bytes(b'')
+    SafeCheckpointHook().before_run(SimpleNamespace(work_dir=str(tmp_path)))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['epoch_1.pth', 'notes.part']
+
+
+def test_weights_of_another_model_are_refused(tmp_path):
+    linear = torch.nn.Linear(2, 3)
+    load_weights(linear, {'state_dict': {'weight': torch.zeros(3, 2), 'bias': torch.ones(3)}}, 'a.pth')
+    assert linear.bias.tolist() == [1, 1, 1]
+    for weights in ({'weight': torch.zeros(3, 2)}, {'weight': torch.zeros(2, 2), 'bias': torch.ones(3)}):
+        with pytest.raises(ConfigError, match=r'a\.pth: its weights do not fit the model.*(bias|weight)'):
+            load_weights(linear, {'state_dict': weights}, 'a.pth')
+
+
+def test_the_loop_trains_rounds_of_sigma_epochs():
+    loader = SimpleNamespace(dataset=SimpleNamespace(metainfo={}), sampler=None)
+    runner = SimpleNamespace(visualizer=SimpleNamespace())
+    settings = torch.utils.data.DataLoader([1, 2])
+    loop = RoundTrainLoop(runner, settings, rounds=4, sigma=3, val_rounds=2)
+    assert (loop.max_epochs, loop.val_interval, loop.max_iters) == (12, 6, 24)
+    for name in ('rounds', 'sigma', 'val_rounds'):
+        with pytest.raises(ValueError, match=f'RoundTrainLoop.{name}: expected at least 1, got 0'):
+            RoundTrainLoop(runner, loader, **{'rounds': 1, 'sigma': 1, name: 0})
