@@ -147,7 +147,7 @@ class SpectralDescriptor(Descriptor):
 
     A point is valid where its surface, a connected component of the thinned cloud, has at least ``min_points`` points
     there and is no mere line. The signature does not change when the cloud is turned or moved, but for rounding. Cost
-    on one core: 64 eigenpairs of 20k points of the sub-cloud in 1.6 s, of 100k in 10 s, whatever the points.
+    on one core: 64 eigenpairs of 20k points of the sub-cloud in 1.6 s, of 100k in 14 s, whatever the points.
 
     Args:
         spacing: Metres between points of the sub-cloud (smaller: finer detail, slower).
