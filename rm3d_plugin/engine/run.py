@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -189,6 +190,14 @@ def exit_code(command: Callable[[Sequence[str] | None], None], arguments: Sequen
     try:
         command(arguments)
     except (SceneError, ConfigError, DamagedFileError, DatasetNotFoundError) as error:
-        print(f'error: {error}', file=sys.stderr)
+        print(f'error: {_without_traceback(str(error))}', file=sys.stderr)
         return 2
     return 0
+
+
+def _without_traceback(text: str) -> str:
+    """The message alone, where a worker process of a dataloader sent its traceback along."""
+    _, separator, trace = text.partition('Original Traceback (most recent call last):\n')
+    if not separator:
+        return text
+    return re.split(r'^[\w.]+Error: ', trace, flags=re.MULTILINE)[-1].rstrip()

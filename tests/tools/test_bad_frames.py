@@ -59,6 +59,15 @@ def test_a_bad_training_frame_is_named(damage, world, call, tmp_path):
     assert message in output.splitlines()[-1] and output.splitlines()[-1].startswith('error: ')
 
 
+def test_a_bad_frame_that_a_worker_process_meets_is_named_as_briefly(world, call, tmp_path):
+    bad = shutil.copytree(world, tmp_path / 'bad' / 'kitti')
+    message = nan_scan(bad / 'training', '000003')  # of validation
+    settings = tiny_runs.options(bad, num_workers=1, rounds=1)
+    code, output = call('train', *tiny_runs.arguments_of(settings, tmp_path / 'run'))
+    assert code == 2 and 'Traceback' not in output, output
+    assert output.splitlines()[-1].startswith(f'error: scene 000003: {message}')
+
+
 def test_bad_frames_are_left_out_with_a_count_and_training_goes_on(world, call, tmp_path):
     bad = shutil.copytree(world, tmp_path / 'bad' / 'kitti')
     frames = (bad / 'ImageSets' / 'train.txt').read_text().split()
