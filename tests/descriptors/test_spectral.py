@@ -1,5 +1,7 @@
 """HKS, WKS, SI-HKS: the formulas as loops, invariances, components, what cannot be described (METHOD 3 and 11)."""
 
+import sys
+
 import numpy as np
 import pytest
 from reference.spectral_slow import slow_eigenpairs, slow_hks, slow_sihks, slow_wks
@@ -168,3 +170,9 @@ def test_registry_presets_and_bad_numbers():
 
 def test_threads_change_nothing():
     assert digest('SIHKS()', 1) == digest('SIHKS()', 3)
+
+
+@pytest.mark.parametrize('part', PARTS)
+def test_presets_stand_beside_the_class(part):
+    """Tools look for ``PRESETS`` in the module of the class."""
+    assert set(vars(sys.modules[part.__module__])['PRESETS']) == {'indoor', 'lidar'}
