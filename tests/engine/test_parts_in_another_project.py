@@ -207,6 +207,6 @@ def test_the_hook_makes_two_rounds_and_the_second_finds_the_hidden_blocks(projec
         assert (second.semantic[owner == 1] == 0).mean() > 0.9
         assert (second.semantic[owner == -1] != 0).all()
         assert len(first.boxes) == 1 and second.box_is_true.sum() == 1
-        found = second.boxes.tensor[~second.box_is_true, :3]  # without votes a block may fall into two boxes
+        found = second.boxes.tensor[~second.box_is_true, :3]
         block = points[owner == 1].mean(axis=0)
-        assert 1 <= len(found) <= 2 and np.linalg.norm(found - block, axis=1).max() < 0.7
+        assert np.linalg.norm(found - block, axis=1).min() < 0.3  # without votes a block may fall into several boxes
