@@ -25,6 +25,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         '--oversegmenter', default='RegionGrowing', help='RegionGrowing, VCCS or CutPursuit; default RegionGrowing'
     )
     parser.add_argument('--preset', choices=['indoor', 'lidar'], help='numbers that suit a kind of scene')
+    parser.add_argument(
+        '--columns',
+        help="names of a table's columns, - for one to pass over: 'x y z red green blue -'; default: by their number, "
+        "3 'x y z', 4 with intensity, 6 with red green blue, 7 with intensity red green blue",
+    )
     for part in ('descriptor', 'oversegmenter'):
         parser.add_argument(
             f'--{part}-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help=f'of the {part}'
@@ -38,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         args.preset,
         args.descriptor_options,
         args.oversegmenter_options,
+        args.columns,
     )
     discarded = int((regions.labels < 0).sum())
     print(f'{args.out}: {len(regions)} regions of {len(regions.labels)} points, {discarded} points discarded')

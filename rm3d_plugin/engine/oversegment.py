@@ -64,6 +64,7 @@ def oversegment_file(
     preset: str | None = None,
     descriptor_options: Mapping[str, Any] | None = None,
     oversegmenter_options: Mapping[str, Any] | None = None,
+    columns: str | None = None,
 ) -> Regions:
     """Read a scan, describe and partition it, and write the regions.
 
@@ -76,6 +77,7 @@ def oversegment_file(
         preset: ``'indoor'`` or ``'lidar'`` for the parts that have presets; None: their defaults.
         descriptor_options: Arguments of the descriptor.
         oversegmenter_options: Arguments of the over-segmenter.
+        columns: What the scan's columns hold, see :func:`rm3d_plugin.storage.scans.read_cloud`.
 
     Raises:
         SceneError: The scan cannot be used.
@@ -86,7 +88,7 @@ def oversegment_file(
         raise ConfigError(f'{out}: unknown ending {out.suffix!r}; expected one of {" ".join(ENDINGS)}')
     describer = build_part(DESCRIPTORS, descriptor, preset, descriptor_options or {})
     segmenter = build_part(OVERSEGMENTERS, oversegmenter, preset, oversegmenter_options or {})
-    cloud = read_cloud(scan)
+    cloud = read_cloud(scan, columns)
     kept = np.flatnonzero(~segmenter.find_ground(cloud))
     rest = with_normals(cloud.select(kept))
     try:

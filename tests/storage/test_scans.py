@@ -113,6 +113,23 @@ def test_bin_and_npz(tmp_path):
     assert read_cloud(tmp_path / 'b.npz').intensity.tolist() == [0.5, 1]
 
 
+def test_columns_may_be_named(tmp_path):
+    table = np.c_[RGB, XYZ, [3, 4]]
+    np.save(tmp_path / 'a.npy', table)
+    np.savetxt(tmp_path / 'a.txt', table)
+    table.astype('<f4').tofile(tmp_path / 'a.bin')
+    for name in ('a.npy', 'a.txt', 'a.bin'):
+        cloud = read_cloud(tmp_path / name, 'red green blue x y z -')
+        np.testing.assert_array_equal(cloud.xyz, XYZ)
+        np.testing.assert_allclose(cloud.colors, UNIT, atol=1e-7)
+        assert cloud.intensity is None
+    with pytest.raises(SceneError, match='the columns named are 3'):
+        read_cloud(tmp_path / 'a.npy', 'x y z')
+    for bad in ('x y', 'x y z z', 'x y z red', 'x y z label'):
+        with pytest.raises(SceneError, match='columns: expected x y z'):
+            read_cloud(tmp_path / 'a.npy', bad)
+
+
 def test_sixteen_bit_colours_and_large_coordinates(tmp_path):
     world = XYZ.astype(np.float64) + [4e5, 5e6, 100]
     np.savez(tmp_path / 'a.npz', xyz=world, colors=RGB.astype(np.uint16) * 257)
