@@ -205,7 +205,7 @@ def test_the_hook_makes_two_rounds_and_the_second_finds_the_hidden_blocks(projec
         assert (first.semantic[owner == 0] == 0).all() and (second.semantic[owner == 0] == 0).all()
         assert (first.semantic[owner == 1] != 0).all(), 'no network, so nothing tells what the hidden block is'
         assert (second.semantic[owner == 1] == 0).mean() > 0.9
-        assert (second.semantic[owner == -1] != 0).all()
+        assert (second.semantic[owner == -1] == 0).mean() < 0.02  # ground close to a block may go with it
         assert len(first.boxes) == 1 and second.box_is_true.sum() == 1
         found = second.boxes.tensor[~second.box_is_true, :3]
         block = points[owner == 1].mean(axis=0)

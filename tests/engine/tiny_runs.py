@@ -136,7 +136,7 @@ def train(
     from rm3d_plugin.registry import SCOPE
 
     config = load_config(CONFIG, work_dir, demo=True, options=settings)
-    set_threads(1)
+    set_threads(config.threads)
     init_default_scope(SCOPE)
     _skip_pretty_printing()
     _tell_refreshes()
