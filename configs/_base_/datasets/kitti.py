@@ -70,5 +70,7 @@ val_dataloader = dict(
     ),
 )
 test_dataloader = '${val_dataloader}'
-val_evaluator = [dict(type='KittiMetric', classes='${classes}', metrics=['bev', '3d'])]  # a list: mmengine reads the key `metrics` of a plain dict itself
+val_evaluator = [
+    dict(type='KittiMetric', classes='${classes}', metrics=['bev', '3d'])
+]  # a list: mmengine reads the key `metrics` of a plain dict itself
 test_evaluator = '${val_evaluator}'

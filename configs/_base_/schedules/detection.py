@@ -23,7 +23,7 @@ demo = dict(
     oversegmenter=dict(max_edge=0.3, range_growth=0.015),  # half as many points a turn as KITTI
     demo_data=dict(num_train=100, num_val=40, seed=0),
     rounds=4,
-    sigma=8,
+    sigma=10,
     batch_size=4,
     widths=[16, 32, 48, 64],
     voxel_size=0.15,
@@ -31,7 +31,17 @@ demo = dict(
     blocks=1,
     num_seeds=512,
     num_proposals=128,
-    milestones=[24, 29],
+    # A round ends with a small step, so that the next labels come from a settled network.
+    param_scheduler=[
+        dict(
+            type='CosineRestartLR',
+            by_epoch=True,
+            convert_to_iter_based=True,
+            periods=[10, 10, 10, 10],
+            restart_weights=[1.0, 1.0, 1.0, 1.0],
+            eta_min=5e-5,
+        )
+    ],
     learning_rate=2e-3,
     val_rounds=4,
 )
