@@ -21,8 +21,8 @@ class VCCS(Oversegmenter):
 
     The paper's distance compares the given descriptors as histograms (FPFH there); PCL's compares normals and leaves
     the descriptors out. Histograms that ignore orientation (FPFH, PFH) cannot tell a floor from a wall: on a synthetic
-    room the paper's distance with FPFH recalls 0.35 of the boundary, PCL's 0.83. Labelled points play no part: seeds lie
-    on a grid.
+    room the paper's distance with FPFH recalls 0.35 of the boundary, PCL's 0.83. Labelled points play no part: seeds
+    lie on a grid.
 
     Args:
         voxel_size: R_voxel, metres; not below the distance between points, or nothing connects.
