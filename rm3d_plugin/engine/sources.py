@@ -9,8 +9,10 @@ from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import Truth
 from rm3d_plugin.label_budgets import (
+    BOX_BUDGETS,
     BoxAmount,
     BoxBudget,
+    BudgetError,
     count_points,
     draw_box_budget,
     hide,
@@ -108,8 +110,21 @@ class BoxBudgetSource(LabelSource):
         return self.budget.summary(self.classes)
 
     def open(self, folder: Path, resume: bool) -> None:
-        """Write ``budget.json``, or read it."""
+        """Write ``budget.json``, or read it.
+
+        Raises:
+            BudgetError: What is kept there is not the budget that is asked for.
+        """
         if resume:
-            self._budget = load_box_budget(folder / 'budget.json')
+            self._budget = self._checked(load_box_budget(folder / 'budget.json'), folder)
         else:
             save_box_budget(folder / 'budget.json', self.budget)
+
+    def _checked(self, kept: BoxBudget, folder: Path) -> BoxBudget:
+        amount = BOX_BUDGETS.get(self._amount) if isinstance(self._amount, str) else self._amount
+        if (kept.seed, kept.amount) != (self._seed, amount):
+            raise BudgetError(
+                f'{folder / "budget.json"}: was drawn with seed {kept.seed} and {kept.amount}, but seed {self._seed} '
+                f'and {amount} are asked for; resume with the settings of that run, or start in another work dir'
+            )
+        return kept
