@@ -93,6 +93,13 @@ def test_before_training_the_first_labels_are_made_and_the_model_is_told_sizes()
     assert labeler.events == [('start', False), ('inform', 'Model')]
 
 
+def test_the_first_labels_may_last_longer():
+    labeler = CountingLabeler(finished=(0,))
+    hook = RegionMergeHook(interval=2, labeler=labeler, dataloader=['a', 'b'], rounds=4, first_rounds=2)
+    asked = epochs(hook, labeler, 0, 8)
+    assert asked == [[('use', 0)]] * 4 + [refreshed(1), [('use', 1)], refreshed(2), [('use', 2)]]
+
+
 def test_one_round_means_that_the_first_labels_stay():
     labeler = CountingLabeler(finished=(0,))
     hook = RegionMergeHook(interval=1, labeler=labeler, dataloader=['a'], rounds=1)
@@ -131,7 +138,7 @@ def test_a_sample_may_leave_out_centres_and_indices_but_not_probabilities():
     assert prediction.centers is None and prediction.probabilities.tolist() == [[0.5, 0.5]]
 
 
-@pytest.mark.parametrize('field', ['interval', 'rounds'])
+@pytest.mark.parametrize('field', ['interval', 'rounds', 'first_rounds'])
 def test_numbers_start_at_one(field):
     with pytest.raises(ValueError, match=f'RegionMergeHook.{field}: expected at least 1, got 0'):
         RegionMergeHook(**{'interval': 1, 'labeler': CountingLabeler(), 'dataloader': [], field: 0})

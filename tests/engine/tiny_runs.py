@@ -24,6 +24,7 @@ SIZES = {
     'model.vote_head.num_proposals': 16,
     'sigma': 1,
     'rounds': 2,
+    'first_rounds': 1,
     'val_rounds': 1,
     'milestones': [1],
     'batch_size': 1,
@@ -31,7 +32,15 @@ SIZES = {
     'descriptor': {'type': 'AdaptedPFH', 'radius': 0.8, 'max_neighbors': 16},
 }
 # Added to SIZES: a run that learns three streets by heart in a few seconds.
-LEARNT = {'rounds': 1, 'sigma': 12, 'budget': 'full', 'milestones': [10], 'learning_rate': 0.01, 'paste_objects': 1}
+LEARNT = {
+    'rounds': 1,
+    'sigma': 12,
+    'budget': 'full',
+    'param_scheduler': '${step_schedule}',
+    'milestones': [10],
+    'learning_rate': 0.01,
+    'paste_objects': 1,
+}
 _CONTEXT = multiprocessing.get_context('forkserver')
 _PRELOAD = ('rm3d_plugin.engine.run', 'rm3d_plugin.models', 'rm3d_plugin.evaluation', 'matplotlib.backends.backend_agg')
 _CONTEXT.set_forkserver_preload([*_PRELOAD, 'torch._inductor', 'engine.tiny_runs'])

@@ -22,6 +22,7 @@ custom_hooks = [
         type='RegionMergeHook',
         interval='${sigma}',
         rounds='${label_rounds}',
+        first_rounds='${first_rounds}',
         dataloader='${label_dataloader}',
         labeler=dict(
             type='SceneLabeler',

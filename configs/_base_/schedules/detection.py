@@ -2,6 +2,7 @@
 rounds = 8
 label_rounds = '${rounds}'  # 1: the first labels stay
 sigma = 40  # epochs a round
+first_rounds = 1  # rounds that the first labels last
 batch_size = 16
 learning_rate = 1e-3
 val_rounds = 2
@@ -15,15 +16,30 @@ optim_wrapper = dict(
     optimizer=dict(type='Adam', lr='${learning_rate}'),
     clip_grad=dict(max_norm=10.0),
 )
-param_scheduler = [dict(type='MultiStepLR', by_epoch=True, milestones='${milestones}', gamma=0.1)]
+step_schedule = [dict(type='MultiStepLR', by_epoch=True, milestones='${milestones}', gamma=0.1)]
+# Each period ends with a small step, so that the next labels come from a settled network.
+restart_schedule = [
+    dict(
+        type='CosineRestartLR',
+        by_epoch=True,
+        convert_to_iter_based=True,
+        periods='${periods}',
+        restart_weights='${restart_weights}',
+        eta_min=5e-5,
+    )
+]
+periods = [40, 40, 40, 40, 40, 40, 40, 40]  # epochs
+restart_weights = [1, 1, 1, 1, 1, 1, 1, 1]
+param_scheduler = '${step_schedule}'
 
 # What --demo changes: embedded synthetic data, a smaller network, fewer epochs.
 demo = dict(
     data_root='data/demo_streets',
     oversegmenter=dict(max_edge=0.3, range_growth=0.015),  # half as many points a turn as KITTI
     demo_data=dict(num_train=100, num_val=40, seed=0),
-    rounds=4,
-    sigma=10,
+    rounds=6,
+    sigma=8,
+    first_rounds=3,
     batch_size=4,
     widths=[16, 32, 48, 64],
     voxel_size=0.15,
@@ -31,17 +47,9 @@ demo = dict(
     blocks=1,
     num_seeds=512,
     num_proposals=128,
-    # A round ends with a small step, so that the next labels come from a settled network.
-    param_scheduler=[
-        dict(
-            type='CosineRestartLR',
-            by_epoch=True,
-            convert_to_iter_based=True,
-            periods=[10, 10, 10, 10],
-            restart_weights=[1.0, 1.0, 1.0, 1.0],
-            eta_min=5e-5,
-        )
-    ],
+    param_scheduler='${restart_schedule}',
+    periods=[24, 8, 8, 8],
+    restart_weights=[1.0, 0.5, 0.5, 0.5],
     learning_rate=2e-3,
-    val_rounds=4,
+    val_rounds=6,
 )

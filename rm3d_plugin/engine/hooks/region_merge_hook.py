@@ -26,17 +26,27 @@ class RegionMergeHook(Hook):
         interval: sigma, epochs between two refreshes.
         rounds: Sets of labels in the whole run; the first is made without a network.
         labeler: A :class:`~rm3d_plugin.engine.labeler.SceneLabeler` or its config.
+        first_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
+            has seen more, which counts where few labels are revealed or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
     """
 
     priority = 'HIGH'
 
-    def __init__(self, interval: int, labeler: dict[str, Any] | SceneLabeler, dataloader: Any, rounds: int = 8) -> None:
-        for name, value in (('interval', interval), ('rounds', rounds)):
+    def __init__(
+        self,
+        interval: int,
+        labeler: dict[str, Any] | SceneLabeler,
+        dataloader: Any,
+        rounds: int = 8,
+        first_rounds: int = 1,
+    ) -> None:
+        for name, value in (('interval', interval), ('rounds', rounds), ('first_rounds', first_rounds)):
             if int(value) < 1:
                 raise ValueError(f'RegionMergeHook.{name}: expected at least 1, got {value}')
         self.interval = interval
         self.rounds = rounds
+        self.first_rounds = first_rounds
         self.dataloader = dataloader
         self.seconds = 0.0  # spent on labels by this process
         self.labeler: SceneLabeler = TASK_UTILS.build(labeler) if isinstance(labeler, dict) else labeler
@@ -53,7 +63,7 @@ class RegionMergeHook(Hook):
 
     def before_train_epoch(self, runner: Runner) -> None:
         """Refresh the labels when a round begins; point the store at the round of this epoch."""
-        number = min(runner.epoch // self.interval, self.rounds - 1)
+        number = min(max(runner.epoch // self.interval - self.first_rounds + 1, 0), self.rounds - 1)
         starts = runner.epoch % self.interval == 0
         if number and starts and not self.labeler.is_finished(number):
             began = time.perf_counter()
