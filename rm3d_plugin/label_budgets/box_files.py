@@ -22,13 +22,17 @@ def load_box_budget(path: str | Path) -> BoxBudget:
     try:
         content = read_json(path)
     except FileNotFoundError:
-        raise BudgetError(f'{path}: no such label budget; draw one with tools/draw_labels.py') from None
+        raise BudgetError(
+            f'{path}: no such label budget; a training run draws one; start it without --resume'
+        ) from None
     try:
         if content['format'] != FORMAT_VERSION:
             raise BudgetError(f'{path}: format {content["format"]}, expected {FORMAT_VERSION}; draw the budget again')
         budget = _from_content(content)
     except (KeyError, TypeError, AttributeError) as error:
-        raise BudgetError(f'{path}: not a label budget ({error!r}); draw one with tools/draw_labels.py') from error
+        raise BudgetError(
+            f'{path}: not a label budget ({error!r}); a training run draws one; start it without --resume'
+        ) from error
     if budget.hash != content.get('hash'):
         raise BudgetError(
             f'{path}: was altered after it was drawn (hash {budget.hash}, written {content.get("hash")}); draw it again'

@@ -26,9 +26,10 @@ class ObjectRules:
         background_ratio: A region larger or higher than this times every class's usual size is background.
         part_share: Where this share of a region is confidently of another class than the rest, it is cut out; above 1:
             regions stay whole.
-        background_gamma: Confidence from which the network's word makes a group background; None: gamma, as for any
-            class; above 1: never. Objects that nobody labelled are taught as background at first, so a network that
-            is sure of background may be sure of its own prejudice; geometry's background is not concerned.
+        class_gamma: Confidence from which the network's word gives a group a class, for each class, background last;
+            above 1: never; None: gamma for all. Classes differ in how soon a network is sure of them. And objects that
+            nobody labelled are taught as background at first, so a network that is sure of background may be sure of
+            its own prejudice; geometry's background is not concerned.
     """
 
     min_points: int = 8
@@ -36,7 +37,7 @@ class ObjectRules:
     max_iou: float = 0.1
     background_ratio: float = 1.5
     part_share: float = 0.25
-    background_gamma: float | None = None
+    class_gamma: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for name, low in (

@@ -141,9 +141,10 @@ def label_groups(
     return GroupLabels(classes.astype(np.int64), confidence, known, mean)
 
 
-def without_doubtful(groups: GroupLabels, label: int, gamma: float) -> GroupLabels:
-    """Take a class back from the groups that the network gave it with less confidence than ``gamma``."""
-    doubtful = (groups.classes == label) & ~groups.from_truth & (groups.confidence < gamma)
+def without_doubtful(groups: GroupLabels, class_gamma: Float[np.ndarray, ' classes']) -> GroupLabels:
+    """Take the class back from the groups that the network gave it with less confidence than that class asks for."""
+    limit = np.append(class_gamma, 0.0)[groups.classes]  # -1, no class, meets the limit 0
+    doubtful = ~groups.from_truth & (groups.confidence < limit)
     return groups._replace(
         classes=np.where(doubtful, UNLABELLED, groups.classes), confidence=np.where(doubtful, 0.0, groups.confidence)
     )

@@ -97,8 +97,9 @@ def refresh_detection(
         regions, graph, truth, probabilities, centers, strategy, round, _pad(class_counts, background + 1)
     )
     grouped = _split(grouped, regions, probabilities, strategy, rules)
-    if rules.background_gamma is not None:
-        grouped = grouped._replace(groups=without_doubtful(grouped.groups, background, rules.background_gamma))
+    if rules.class_gamma is not None:
+        limits = _class_limits(rules.class_gamma, background + 1)
+        grouped = grouped._replace(groups=without_doubtful(grouped.groups, limits))
     surely, large = _background_points(xyz, regions, priors, height_above_ground, rules)
     surely, large = (surely & (truth.seeds < 0)) | truth.shell, large & (truth.seeds < 0)
     supported = supported_points(previous, grouped, strategy)
@@ -176,6 +177,12 @@ def refresh_points(
         complete=weak.complete,
     )
     return RefreshResult(labels, grouped.merge, _stats(labels, grouped))
+
+
+def _class_limits(given: tuple[float, ...], classes: int) -> Float[np.ndarray, ' classes']:
+    if len(given) != classes:
+        raise ValueError(f'ObjectRules.class_gamma: expected {classes} numbers (background last), got {len(given)}')
+    return np.asarray(given, dtype=np.float64)
 
 
 def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:

@@ -5,15 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from rm3d_plugin.ops.color import rgb_to_lab
 from rm3d_plugin.ops.segment import segment_mean, segment_mean_axis, segment_sum
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions, SceneError
-
-# sRGB (D65) to XYZ, and the white point that Lab is relative to (IEC 61966-2-1, CIE 1976).
-_TO_XYZ = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-)
-_WHITE = _TO_XYZ.sum(axis=1)
-_LAB_KNEE = (6.0 / 29.0) ** 3
 
 
 class RegionFeatures(NamedTuple):
@@ -63,15 +57,6 @@ def region_colors(cloud: PointCloud, regions: Regions) -> Float[np.ndarray, 'reg
     if cloud.intensity is not None:
         return segment_mean(cloud.intensity[:, None], regions.labels, len(regions))
     return None
-
-
-def rgb_to_lab(rgb: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, 'points 3']:
-    """SRGB in [0, 1] to CIE Lab (L in [0, 100]), white D65."""
-    value = np.clip(np.asarray(rgb, dtype=np.float64), 0.0, 1.0)
-    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    ratio = linear @ _TO_XYZ.T / _WHITE
-    f = np.where(ratio > _LAB_KNEE, np.cbrt(ratio), ratio / (3.0 * (6.0 / 29.0) ** 2) + 4.0 / 29.0)
-    return np.stack([116.0 * f[:, 1] - 16.0, 500.0 * (f[:, 0] - f[:, 1]), 200.0 * (f[:, 1] - f[:, 2])], axis=1)
 
 
 def region_extents(xyz: Float[np.ndarray, 'points 3'], regions: Regions) -> Float[np.ndarray, 'regions 3']:

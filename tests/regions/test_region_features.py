@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.regions.features import region_colors, region_extents, region_features, rgb_to_lab
+from rm3d_plugin.ops.color import rgb_to_lab
+from rm3d_plugin.regions.features import region_colors, region_extents, region_features
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions
 
 
