@@ -10,8 +10,8 @@ from jaxtyping import install_import_hook
 
 install_import_hook(['rm3d_plugin.structures', 'rm3d_plugin.models'], 'beartype.beartype')
 
-import pytest
-import torch
+import pytest  # noqa: E402  the hook must stand before what it checks
+import torch  # noqa: E402
 
 torch.set_num_threads(1)
 

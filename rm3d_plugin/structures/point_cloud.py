@@ -23,8 +23,8 @@ def _channel(name: str, value: np.ndarray | None, shape: tuple[int, ...]) -> np.
 class PointCloud:
     """Points of one scene in a local frame, z up.
 
-    Large coordinates (UTM, say) lose nothing: pass the float64 points to :meth:`from_world`, which moves them to a local
-    frame and keeps the shift in ``origin``.
+    Large coordinates (UTM, say) lose nothing: pass the float64 points to :meth:`from_world`, which moves them to a
+    local frame and keeps the shift in ``origin``.
 
     Attributes:
         xyz: (N, 3) float32 metres, local frame, z up.

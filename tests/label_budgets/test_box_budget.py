@@ -189,5 +189,5 @@ def test_other_files_are_refused(tmp_path, text):
 
 
 def test_a_missing_file_says_how_to_draw_one(tmp_path):
-    with pytest.raises(BudgetError, match=r'none\.json: no such label budget; draw one'):
+    with pytest.raises(BudgetError, match=r'none\.json: no such label budget; a training run draws one'):
         load_box_budget(tmp_path / 'none.json')
