@@ -1,0 +1,129 @@
+"""Tables of the documentation: train what they need, then read the scores."""
+
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.storage import write_text
+
+
+@dataclass(frozen=True)
+class Table:
+    """Which runs a table compares, and by which scores.
+
+    Attributes:
+        title: One line.
+        configs: Name of the row -> config leaf in ``configs/``; the last row is the reference of the ratios.
+        scores: Heading -> key of ``metrics.json``.
+        demo: Run on the embedded synthetic data.
+    """
+
+    title: str
+    configs: dict[str, str]
+    scores: dict[str, str]
+    demo: bool = True
+
+
+TABLES = {
+    'kitti-demo': Table(
+        title='3D AP (moderate, R40) on synthetic streets; IoU .5 for cars, .25 for pedestrians and cyclists',
+        configs={
+            'labelled boxes alone (1 %)': 'sup_votenet_kitti_1pct',
+            'RM3D (1 %)': 'rm3d_votenet_kitti_1pct',
+            'all boxes': 'sup_votenet_kitti_full',
+        },
+        scores={
+            'Car': 'Car_3d_moderate_R40@0.50',
+            'Pedestrian': 'Pedestrian_3d_moderate_R40@0.25',
+            'Cyclist': 'Cyclist_3d_moderate_R40@0.25',
+            'mean': 'mAP_3d_moderate_R40_loose',
+        },
+    )
+}
+
+
+def reproduce(
+    name: str,
+    seeds: Sequence[int],
+    out: Path,
+    jobs: int = 1,
+    options: Sequence[str] = (),
+    log: Callable[[str], None] = print,
+) -> str:
+    """Train every run of a table that is not finished in ``out``, and return the table as markdown.
+
+    Args:
+        name: Key of :data:`TABLES`.
+        seeds: One run a seed; the seed also draws the label budget.
+        out: Folder of the runs and of the table.
+        jobs: Runs at the same time, one thread each; with 1 a run takes every core.
+        options: Further ``--cfg-options``.
+        log: Told what starts and ends.
+
+    Raises:
+        ConfigError: There is no such table, or a run failed; its log is named.
+    """
+    if name not in TABLES:
+        raise ConfigError(f'no table {name!r}; there are: {", ".join(TABLES)}')
+    table = TABLES[name]
+    runs = [(config, seed) for config in table.configs.values() for seed in seeds]
+    with ThreadPoolExecutor(jobs) as pool:
+        list(pool.map(lambda run: _train(run[0], run[1], table.demo, out, jobs, options, log), runs))
+    text = render(table, seeds, out)
+    write_text(out / f'{name}.md', text + '\n')
+    return text
+
+
+def _train(
+    config: str, seed: int, demo: bool, out: Path, jobs: int, options: Sequence[str], log: Callable[[str], None]
+) -> None:
+    work_dir = run_dir(out, config, seed)
+    if read_record(work_dir)['final']:
+        log(f'{work_dir}: finished before')
+        return
+    log(f'{work_dir}: training')
+    work_dir.mkdir(parents=True, exist_ok=True)
+    root = Path(__file__).resolve().parents[2]
+    command = [sys.executable, str(root / 'tools' / 'train.py'), str(root / 'configs' / f'{config}.py')]
+    command += ['--demo'] * demo + ['--resume', '--work-dir', str(work_dir), '--cfg-options', f'seed={seed}']
+    command += [f'threads={0 if jobs == 1 else 1}', *options]
+    with (work_dir / 'train.log').open('w', encoding='utf-8') as stream:
+        code = subprocess.run(command, stdout=stream, stderr=subprocess.STDOUT, check=False).returncode
+    if code:
+        raise ConfigError(f'{work_dir}: training ended with exit code {code}; see {work_dir / "train.log"}')
+    log(f'{work_dir}: done')
+
+
+def run_dir(out: Path, config: str, seed: int) -> Path:
+    """Work directory of one run."""
+    return out / f'{config}_seed{seed}'
+
+
+def render(table: Table, seeds: Sequence[int], out: Path) -> str:
+    """Mean and spread (lowest to highest) over the seeds, and the ratio of the means to the last row, as markdown."""
+    values = {
+        row: {
+            head: [read_record(run_dir(out, config, seed))['final'][key] for seed in seeds]
+            for head, key in table.scores.items()
+        }
+        for row, config in table.configs.items()
+    }
+    reference = list(values.values())[-1]
+    last = list(table.scores)[-1]
+    lines = [
+        f'{table.title}; mean of seeds {", ".join(map(str, seeds))} (lowest to highest)',
+        '',
+        f'| trained on | {" | ".join(table.scores)} | {last} / full |',
+        f'|---|{"---|" * (len(table.scores) + 1)}',
+    ]
+    for row, scores in values.items():
+        cells = [f'{statistics.mean(v):.1f} ({min(v):.1f} to {max(v):.1f})' for v in scores.values()]
+        ratio = statistics.mean(scores[last]) / statistics.mean(reference[last])
+        lines.append(f'| {row} | {" | ".join(cells)} | {100 * ratio:.0f} % |')
+    return '\n'.join(lines)
