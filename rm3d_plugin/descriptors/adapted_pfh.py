@@ -5,7 +5,7 @@ from typing import Any, Literal, Self, final
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.descriptors.base import Descriptor, cloud_normals
+from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, growing_radii
 from rm3d_plugin.ops.octree import Neighbors, Octree
 from rm3d_plugin.ops.pair_features import ANGLE_BINS, PairHistograms, histograms_of_points
 from rm3d_plugin.registry import DESCRIPTORS
@@ -86,10 +86,6 @@ class AdaptedPFH(Descriptor):
         """Describe every point of a cloud."""
         tree = Octree(cloud.xyz)
         normals = cloud_normals(cloud, self.normal_neighbors, tree)
-        result = adapted_pfh(cloud.xyz, normals, self._radii(cloud), self.max_neighbors, tree)
+        radii = growing_radii(cloud, self.radius, self.range_growth)
+        result = adapted_pfh(cloud.xyz, normals, radii, self.max_neighbors, tree)
         return Descriptors(result.values, result.valid)
-
-    def _radii(self, cloud: PointCloud) -> Float[np.ndarray, ' points']:
-        sensor = np.zeros(3) if cloud.sensor is None else np.asarray(cloud.sensor)
-        distance = np.linalg.norm(cloud.xyz - sensor, axis=1)
-        return self.radius * np.maximum(1.0, self.range_growth * distance)

@@ -32,6 +32,19 @@ def cosine_similarity(
     return np.clip((a * b).sum(axis=1) / np.where(norms > 0, norms, 1.0), 0.0, 1.0)
 
 
+def growing_radii(cloud: PointCloud, radius: float, range_growth: float) -> Float[np.ndarray, ' points']:
+    """Search radius of each point: ``radius * max(1, range_growth * distance)``, metres.
+
+    Args:
+        cloud: The distance is to its sensor, or to the local origin where no sensor is known.
+        radius: Metres near the sensor.
+        range_growth: Per metre; 0 keeps the radius the same everywhere.
+    """
+    sensor = np.zeros(3) if cloud.sensor is None else np.asarray(cloud.sensor)
+    distance = np.linalg.norm(cloud.xyz - sensor, axis=1)
+    return radius * np.maximum(1.0, range_growth * distance)
+
+
 def region_means(
     descriptors: Descriptors, regions: Regions, histogram: bool = False
 ) -> Float[np.ndarray, 'regions features']:

@@ -5,7 +5,7 @@ from typing import Any, Literal, Self, final
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.descriptors.base import Descriptor, cloud_normals
+from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, growing_radii
 from rm3d_plugin.ops.fpfh import FastHistograms, fast_histograms
 from rm3d_plugin.ops.octree import Neighbors, Octree
 from rm3d_plugin.registry import DESCRIPTORS
@@ -107,11 +107,6 @@ class FPFH(Descriptor):
         """Describe every point of a cloud."""
         tree = Octree(cloud.xyz)
         normals = cloud_normals(cloud, self.normal_neighbors, tree)
-        result = fpfh(cloud.xyz, normals, self._radii(cloud), self.max_neighbors, self.own_spfh, tree)
+        radii = None if self.radius is None else growing_radii(cloud, self.radius, self.range_growth)
+        result = fpfh(cloud.xyz, normals, radii, self.max_neighbors, self.own_spfh, tree)
         return Descriptors(result.values, result.valid)
-
-    def _radii(self, cloud: PointCloud) -> Float[np.ndarray, ' points'] | None:
-        if self.radius is None:
-            return None
-        sensor = np.zeros(3) if cloud.sensor is None else np.asarray(cloud.sensor)
-        return self.radius * np.maximum(1.0, self.range_growth * np.linalg.norm(cloud.xyz - sensor, axis=1))

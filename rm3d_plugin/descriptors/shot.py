@@ -5,7 +5,7 @@ from typing import Any, Literal, Self, final, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.descriptors.base import Descriptor, cloud_normals
+from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, growing_radii
 from rm3d_plugin.ops.octree import Neighbors, Octree
 from rm3d_plugin.ops.shot import Signatures, shot_signatures
 from rm3d_plugin.registry import DESCRIPTORS
@@ -109,9 +109,6 @@ class SHOT(Descriptor):
         """Describe every point of a cloud."""
         tree = Octree(cloud.xyz)
         normals = cloud_normals(cloud, self.normal_neighbors, tree)
-        result = shot(cloud.xyz, normals, self._radii(cloud), self.norm, self.max_neighbors, tree)
+        radii = growing_radii(cloud, self.radius, self.range_growth)
+        result = shot(cloud.xyz, normals, radii, self.norm, self.max_neighbors, tree)
         return Descriptors(result.values, result.valid)
-
-    def _radii(self, cloud: PointCloud) -> Float[np.ndarray, ' points']:
-        sensor = np.zeros(3) if cloud.sensor is None else np.asarray(cloud.sensor)
-        return self.radius * np.maximum(1.0, self.range_growth * np.linalg.norm(cloud.xyz - sensor, axis=1))
