@@ -1,5 +1,6 @@
 """Gathers what a run left behind for its HTML report."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -48,11 +49,11 @@ def result_rows(scores: Mapping[str, float]) -> list[ResultRow]:
 
 
 def result_table(scores: Mapping[str, float]) -> str:
-    """The same rows as plain text, one a line."""
+    """The same rows as plain text, one a line; a dash where there was nothing to find."""
     lines = [f'{"class":<12}{"metric":<22}{"easy":>8}{"moderate":>10}{"hard":>8}']
     for row in result_rows(scores):
-        numbers = f'{row.easy:8.2f}{row.moderate:10.2f}{row.hard:8.2f}'
-        lines.append(f'{row.class_name:<12}{row.metric:<22}{numbers}')
+        easy, moderate, hard = ('-' if math.isnan(v) else f'{v:.2f}' for v in (row.easy, row.moderate, row.hard))
+        lines.append(f'{row.class_name:<12}{row.metric:<22}{easy:>8}{moderate:>10}{hard:>8}')
     return '\n'.join(lines)
 
 

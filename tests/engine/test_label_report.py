@@ -80,3 +80,10 @@ def test_scenes_without_truth_beside_scenes_with_it():
     summary = summarise([(FIRST, TRUTHS[0]), (FIRST, None)], CLASSES)
     assert summary['points']['Car'] == {'pseudo': 2, 'precision': 1.0}
     assert summary['boxes']['Car']['pseudo'] == 2 and summary['boxes']['Car']['right'] == 1
+
+
+def test_plain_table_has_a_dash_where_nothing_could_be_found() -> None:
+    from rm3d_plugin.engine.report import result_table
+
+    lines = result_table({'Car_3d_easy_R40@0.50': 12.345, 'Car_3d_hard_R40@0.50': 1.0}).splitlines()
+    assert lines[1].split() == ['Car', '3d', 'AP', 'R40', '@', '0.50', '12.35', '-', '1.00']
