@@ -1,6 +1,6 @@
 # RM3D detection on KITTI from one labelled box per ten frames.
 # Run: python tools/train.py configs/rm3d_votenet_kitti_0p5pct.py [--demo]
-# Score on KITTI: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
+# Score on KITTI: not measured (the data set is not part of the repository). On the demo: not measured.
 _base_ = [
     './_base_/runtime.py',
     './_base_/datasets/kitti.py',
