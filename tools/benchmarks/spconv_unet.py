@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import spconv.pytorch as spconv
 import torch
+from spconv.pytorch import ops
 from torch import Tensor, nn
 
 
@@ -14,6 +15,8 @@ def jobs(
     indices = torch.cat([coords[:, :1], coords[:, 1:] - coords[:, 1:].min(dim=0).values], dim=1).int()
     shape = (indices[:, 1:].max(dim=0).values + 1).tolist()
     net = _Net(features.shape[1], channels, blocks)
+    if not features.is_cuda:
+        ops.get_current_stream = lambda: 0  # asks CUDA even where all tensors are on the CPU; backward fails
 
     def forward() -> Tensor:
         return net(spconv.SparseConvTensor(features, indices, shape, 1))
