@@ -26,20 +26,28 @@ class SpinningLidar:
         max_range: Metres.
         range_noise: Standard deviation in metres.
         lost: Share of returns lost at random.
+        tilts: Elevations of the beams in degrees, highest first; empty: the HDL-64E's.
     """
 
     azimuth_step: float = 0.35
     max_range: float = 80.0
     range_noise: float = 0.02
     lost: float = 0.04
+    tilts: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.02 <= self.azimuth_step <= 5:
             raise ValueError(f'azimuth_step: expected 0.02 to 5 degrees, got {self.azimuth_step}')
+        if any(a <= b for a, b in zip(self.tilts, self.tilts[1:], strict=False)) or any(
+            abs(t) > 85 for t in self.tilts
+        ):
+            raise ValueError('tilts: expected degrees between 85 and -85, highest first')
 
     @property
     def elevations(self) -> Float[np.ndarray, ' beams']:
-        """Degrees, highest first: a third of a degree apart in the upper half, half a degree in the lower."""
+        """Degrees, highest first; the HDL-64E's are a third of a degree apart in the upper half, then half a degree."""
+        if self.tilts:
+            return np.array(self.tilts)
         return np.concatenate([2.0 - np.arange(32) / 3, -8.83 - np.arange(32) * (15.97 / 31)])
 
     @property

@@ -6,12 +6,13 @@ any mathematics library.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 Point = Sequence[float] | np.ndarray
+NO_PART: Int[np.ndarray, ' none'] = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +23,18 @@ class Mesh:
         corners: (F, 3, 3) float64 metres: triangle, corner, coordinate.
         reflectance: (F,) float64 in [0, 1].
         dropout: (F,) float64 in [0, 1], the chance that a return is lost (glass).
+        part: (F,) int64, what each triangle is (:class:`~rm3d_plugin.datasets.synthetic.parts.Part`); 0 where nobody
+            said.
     """
 
     corners: Float[np.ndarray, 'faces 3 3']
     reflectance: Float[np.ndarray, ' faces']
     dropout: Float[np.ndarray, ' faces']
+    part: Int[np.ndarray, ' faces'] = field(default_factory=lambda: NO_PART)
+
+    def __post_init__(self) -> None:
+        if self.part is NO_PART:
+            object.__setattr__(self, 'part', np.zeros(len(self.corners), dtype=np.int64))
 
     def __len__(self) -> int:
         return len(self.corners)
@@ -42,7 +50,11 @@ class Mesh:
         c, s = cos_sin(yaw)
         x, y, z = (self.corners[..., i] * scale[i] for i in range(3))
         corners = np.stack([c * x - s * y + shift[0], s * x + c * y + shift[1], z + shift[2]], axis=-1)
-        return Mesh(np.round(corners, 6), self.reflectance, self.dropout)
+        return Mesh(np.round(corners, 6), self.reflectance, self.dropout, self.part)
+
+    def named(self, part: int) -> 'Mesh':
+        """The same, every triangle that has no part yet being ``part``."""
+        return Mesh(self.corners, self.reflectance, self.dropout, np.where(self.part == 0, part, self.part))
 
 
 def cos_sin(angle: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -64,6 +76,7 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
         np.concatenate([m.corners for m in meshes]),
         np.concatenate([m.reflectance for m in meshes]),
         np.concatenate([m.dropout for m in meshes]),
+        np.concatenate([m.part for m in meshes]),
     )
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from rm3d_plugin.datasets.synthetic.parts import Part
 from rm3d_plugin.datasets.synthetic.road_users import bicycle, pick, vary
 from rm3d_plugin.datasets.synthetic.shapes import Mesh, box, ellipsoid, join, leaves, quads, tube
 
@@ -15,13 +16,15 @@ def tree(rng: np.random.Generator) -> Mesh:
     height, trunk = pick(rng, 4.0, 9.0), pick(rng, 0.1, 0.24)
     base = pick(rng, 1.2, 2.6)
     parts = [
-        tube((0, 0, -0.3), (pick(rng, -0.3, 0.3), pick(rng, -0.3, 0.3), base + 0.8), (trunk, trunk * 0.75), _BARK, 8)
+        tube(
+            (0, 0, -0.3), (pick(rng, -0.3, 0.3), pick(rng, -0.3, 0.3), base + 0.8), (trunk, trunk * 0.75), _BARK, 8
+        ).named(Part.TRUNK)
     ]
     for _ in range(3 + int(rng.random() * 3)):
         wide = pick(rng, 0.8, 1.7)
         center = (pick(rng, -1, 1), pick(rng, -1, 1), pick(rng, base + 0.8, max(height - 0.8, base + 1.0)))
         parts.append(leaves(rng, center, (wide, wide, wide * 0.8), int(110 * wide), 0.35, _GREEN))
-    return join(parts)
+    return join(parts).named(Part.CROWN)
 
 
 def bush(rng: np.random.Generator) -> Mesh:
@@ -29,7 +32,7 @@ def bush(rng: np.random.Generator) -> Mesh:
     long, wide, high = pick(rng, 0.3, 1.4), pick(rng, 0.3, 0.8), pick(rng, 0.4, 1.0)
     clump = leaves(rng, (0, 0, high * 0.9), (long, wide, high), int(260 * long * (wide + high)), 0.22, _GREEN)
     core = ellipsoid((0, 0, high * 0.85), (long * 0.6, wide * 0.6, high * 0.75), _GREEN)
-    return join([clump, core])
+    return join([clump, core]).named(Part.VEGETATION)
 
 
 def hedge(rng: np.random.Generator, length: float) -> Mesh:
@@ -39,13 +42,15 @@ def hedge(rng: np.random.Generator, length: float) -> Mesh:
     cover = (2 * rng.random((int(70 * length * high), 1, 3)) - 1) * np.array([length, wide, high]) / 2
     spread = (rng.random((len(cover), 3, 3)) - 0.5) * 0.3
     corners = cover + spread + np.array([0, 0, high / 2])
-    return join([core, Mesh(np.round(corners, 6), np.full(len(corners), _GREEN), np.zeros(len(corners)))])
+    return join([core, Mesh(np.round(corners, 6), np.full(len(corners), _GREEN), np.zeros(len(corners)))]).named(
+        Part.VEGETATION
+    )
 
 
 def wall(rng: np.random.Generator, length: float) -> Mesh:
     """A garden wall along x."""
     high = pick(rng, 0.6, 1.9)
-    return box((0, 0, high / 2 - 0.15), (length, 0.22, high + 0.3), pick(rng, 0.2, 0.5))
+    return box((0, 0, high / 2 - 0.15), (length, 0.22, high + 0.3), pick(rng, 0.2, 0.5)).named(Part.WALL)
 
 
 def fence(rng: np.random.Generator, length: float) -> Mesh:
@@ -63,7 +68,7 @@ def fence(rng: np.random.Generator, length: float) -> Mesh:
     ]
     parts = [quads(np.stack([np.stack(c, axis=1) for c in corners], axis=1), 0.35)]
     parts += [box((0, 0.03, z), (length, 0.04, 0.08), 0.35) for z in (0.25, high - 0.15)]
-    return join(parts)
+    return join(parts).named(Part.FENCE)
 
 
 def facade(rng: np.random.Generator, length: float) -> Mesh:
@@ -85,7 +90,7 @@ def facade(rng: np.random.Generator, length: float) -> Mesh:
     if rng.random() < 0.7:
         parts.append(box((pick(rng, -length / 3, length / 3), -0.03, 1.0), (1.0, 0.12, 2.1), pick(rng, 0.1, 0.5)))
         parts.append(box((pick(rng, -length / 3, length / 3), -0.5, 0.1), (1.4, 0.9, 0.5), paint))
-    return join(parts)
+    return join(parts).named(Part.BUILDING)
 
 
 def small_thing(rng: np.random.Generator) -> Mesh:
@@ -113,9 +118,11 @@ def big_thing(rng: np.random.Generator) -> Mesh:
                 tube((1.2, 0, 0.5), (2, 0, 0.5), (0.05, 0.05), 0.3),
                 *wheels,
             ]
-        )
+        ).named(Part.TRAILER)
     clump = leaves(rng, (0, 0, high * 0.5), (length / 2, width / 2, high * 0.6), 500, 0.25, _GREEN)
-    return join([clump, ellipsoid((0, 0, high * 0.45), (length * 0.35, width * 0.35, high * 0.45), _GREEN)])
+    return join([clump, ellipsoid((0, 0, high * 0.45), (length * 0.35, width * 0.35, high * 0.45), _GREEN)]).named(
+        Part.VEGETATION
+    )
 
 
 def bench(rng: np.random.Generator) -> Mesh:
@@ -135,7 +142,7 @@ def _bin(rng: np.random.Generator) -> Mesh:
 
 
 def _bollard(rng: np.random.Generator) -> Mesh:
-    return tube((0, 0, 0), (0, 0, pick(rng, 0.7, 1.1)), (0.09, 0.07), 0.4)
+    return tube((0, 0, 0), (0, 0, pick(rng, 0.7, 1.1)), (0.09, 0.07), 0.4).named(Part.POLE)
 
 
 def _cabinet(rng: np.random.Generator) -> Mesh:
@@ -149,13 +156,13 @@ def _column(rng: np.random.Generator) -> Mesh:
 
 def _parked_bicycle(rng: np.random.Generator) -> Mesh:
     stand = tube((0.1, 0.3, 0), (0.1, 0.3, 0.85), (0.03, 0.03), 0.4)
-    return join([bicycle(rng), stand])
+    return join([bicycle(rng), stand]).named(Part.BICYCLE)
 
 
 def _sign(rng: np.random.Generator) -> Mesh:
     high, half = pick(rng, 1.9, 2.8), pick(rng, 0.25, 0.4)
-    board = box((0.06, 0, high - half), (0.02, 2 * half, 2 * half), 0.95)
-    return join([tube((0, 0, 0), (0, 0, high), (0.035, 0.035), 0.35, 6), board])
+    board = box((0.06, 0, high - half), (0.02, 2 * half, 2 * half), 0.95).named(Part.SIGN)
+    return join([tube((0, 0, 0), (0, 0, high), (0.035, 0.035), 0.35, 6), board]).named(Part.POLE)
 
 
 def _pole(rng: np.random.Generator) -> Mesh:
@@ -163,7 +170,7 @@ def _pole(rng: np.random.Generator) -> Mesh:
     parts = [tube((0, 0, 0), (0, 0, high), (pick(rng, 0.07, 0.13), 0.06), 0.35, 8)]
     if rng.random() < 0.4:
         parts.append(box((0.1, 0, pick(rng, 1.0, 2.6)), (0.25, 0.3, pick(rng, 0.4, 0.9)), 0.3))
-    return join(parts)
+    return join(parts).named(Part.POLE)
 
 
 def _hydrant(rng: np.random.Generator) -> Mesh:
@@ -176,5 +183,7 @@ def _hydrant(rng: np.random.Generator) -> Mesh:
 
 def _planter(rng: np.random.Generator) -> Mesh:
     high = pick(rng, 0.4, 0.7)
-    plant = leaves(rng, (0, 0, high + 0.45), (0.35, 0.35, pick(rng, 0.35, 0.7)), 130, 0.2, _GREEN)
+    plant = leaves(rng, (0, 0, high + 0.45), (0.35, 0.35, pick(rng, 0.35, 0.7)), 130, 0.2, _GREEN).named(
+        Part.VEGETATION
+    )
     return join([box((0, 0, high / 2), (0.7, 0.7, high), 0.4), plant])

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rm3d_plugin.datasets.synthetic import road_users, street_furniture
+from rm3d_plugin.datasets.synthetic.parts import Part
 from rm3d_plugin.datasets.synthetic.road_users import RoadUser, pick
 from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin, grid_quads, quads
 
@@ -325,4 +326,6 @@ def _ground(road: Road, rng: np.random.Generator) -> Mesh:
     z = road.height(grid_x, grid_offset) + rough * (2 * rng.random(grid_x.shape) - 1)
     grid = np.stack([grid_x, grid_offset + road.bend * grid_x * grid_x, z], axis=-1)
     surface = quads(grid_quads(grid), 0.3)
-    return Mesh(surface.corners, np.tile(reflectance, 2 * (len(x) - 1)), surface.dropout)
+    part = np.repeat([Part.TERRAIN, Part.SIDEWALK, Part.ROAD, Part.SIDEWALK, Part.TERRAIN], [edges, 2, 4, 2, edges])
+    rows = 2 * (len(x) - 1)
+    return Mesh(surface.corners, np.tile(reflectance, rows), surface.dropout, np.tile(part, rows))
