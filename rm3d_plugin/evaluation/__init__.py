@@ -1,6 +1,17 @@
 """Metrics: registered shells over the plain functions of ``functional``."""
 
+from rm3d_plugin.evaluation.instance_seg_metric import InstanceSegMetric
 from rm3d_plugin.evaluation.kitti_metric import KittiMetric
 from rm3d_plugin.evaluation.overseg_metric import OversegMetric
+from rm3d_plugin.evaluation.pseudo_label_metric import PseudoLabelMetric
+from rm3d_plugin.evaluation.s3dis_instance_metric import S3DISInstanceMetric
+from rm3d_plugin.evaluation.sem_seg_metric import SemSegMetric
 
-__all__ = ['KittiMetric', 'OversegMetric']
+__all__ = [
+    'InstanceSegMetric',
+    'KittiMetric',
+    'OversegMetric',
+    'PseudoLabelMetric',
+    'S3DISInstanceMetric',
+    'SemSegMetric',
+]

@@ -8,6 +8,12 @@ from rm3d_plugin.evaluation.functional.boundary import (
     scores_of,
 )
 from rm3d_plugin.evaluation.functional.box_ap import BoxAp, box_ap
+from rm3d_plugin.evaluation.functional.instance_ap import InstanceAp, instance_ap
+from rm3d_plugin.evaluation.functional.instance_overlap import InstanceOverlap, instance_overlap
+from rm3d_plugin.evaluation.functional.instance_precision_recall import (
+    InstancePrecisionRecall,
+    instance_precision_recall,
+)
 from rm3d_plugin.evaluation.functional.kitti_ap import (
     DIFFICULTIES,
     LOOSE_IOU,
@@ -19,6 +25,21 @@ from rm3d_plugin.evaluation.functional.kitti_ap import (
     KittiTruth,
     kitti_ap,
 )
+from rm3d_plugin.evaluation.functional.pseudo_label_scores import (
+    OffsetError,
+    PseudoLabelCounts,
+    PseudoLabelScores,
+    count_pseudo_labels,
+    instance_centres,
+    offset_error,
+    pseudo_label_scores,
+)
+from rm3d_plugin.evaluation.functional.semantic_iou import (
+    SemanticScores,
+    confusion_counts,
+    semantic_iou,
+    semantic_scores,
+)
 
 __all__ = [
     'DIFFICULTIES',
@@ -29,12 +50,29 @@ __all__ = [
     'BoundaryCounts',
     'BoundaryScores',
     'BoxAp',
+    'InstanceAp',
+    'InstanceOverlap',
+    'InstancePrecisionRecall',
     'KittiAp',
     'KittiDetections',
     'KittiTruth',
+    'OffsetError',
+    'PseudoLabelCounts',
+    'PseudoLabelScores',
+    'SemanticScores',
     'boundary_counts',
     'boundary_scores',
     'box_ap',
+    'confusion_counts',
+    'count_pseudo_labels',
+    'instance_ap',
+    'instance_centres',
+    'instance_overlap',
+    'instance_precision_recall',
     'kitti_ap',
+    'offset_error',
+    'pseudo_label_scores',
     'scores_of',
+    'semantic_iou',
+    'semantic_scores',
 ]

@@ -1,0 +1,143 @@
+"""Reading point labels and predictions of a sample, on the points that the truth is about."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rm3d_plugin.structures import SceneError
+
+
+@dataclass(frozen=True, eq=False)
+class PointTruth:
+    """True labels, and which of them each predicted row is about.
+
+    Attributes:
+        semantic: (N,) int64.
+        instance: (N,) int64, or None where the sample has none.
+        index: (n,) int64 row of the truth for each predicted row.
+    """
+
+    semantic: Int[np.ndarray, ' points']
+    instance: Int[np.ndarray, ' points'] | None
+    index: Int[np.ndarray, ' rows']
+
+    def spread(self, rows: np.ndarray, missing: Any) -> np.ndarray:
+        """Predicted rows on the points of the truth; ``missing`` for points that were not predicted."""
+        out = np.full((len(self.semantic), *rows.shape[1:]), missing, dtype=rows.dtype)
+        out[self.index] = rows
+        return out
+
+
+def numpy_of(values: Any) -> np.ndarray:
+    """A tensor or anything array-like as an array."""
+    array: np.ndarray = values.detach().cpu().numpy() if hasattr(values, 'detach') else np.asarray(values)
+    return array
+
+
+def fields_of(sample: Any, needed: Sequence[str], metric: str) -> Mapping[str, Any]:
+    """The fields of a sample.
+
+    Raises:
+        SceneError: One of ``needed`` is absent.
+    """
+    fields: Mapping[str, Any] = sample if isinstance(sample, Mapping) else sample.to_dict()
+    if missing := [name for name in needed if fields.get(name) is None]:
+        raise SceneError(
+            f'{metric}: scene {fields.get("scene_id", "")}: the sample has no {", ".join(missing)}; the model writes '
+            "pred_* in predict, and the evaluated data set hands on truth with labels='truth'"
+        )
+    return fields
+
+
+def point_truth(fields: Mapping[str, Any], rows: int, metric: str) -> PointTruth:
+    """Truth of the whole scene where metainfo ``annotation`` holds it, else of the points that the network saw.
+
+    A whole scene's truth has ``semantic`` (N,) and maybe ``instance`` (N,), and predictions find their points by the
+    field ``point_index``: points that were dropped or thinned out before the network then count as not predicted.
+
+    Args:
+        fields: Fields of the sample.
+        rows: Number of predicted rows.
+        metric: For messages.
+
+    Raises:
+        SceneError: Truth is absent, or does not fit.
+    """
+    whole = fields.get('annotation')
+    scene = fields.get('scene_id', '')
+    index = fields.get('point_index')
+    if whole is not None and getattr(whole, 'semantic', None) is not None:
+        truth = numpy_of(whole.semantic)
+        instance = getattr(whole, 'instance', None)
+        index = np.arange(rows) if index is None else numpy_of(index)
+    else:
+        truth = numpy_of(fields_of(fields, ['pts_semantic_mask'], metric)['pts_semantic_mask'])
+        instance = fields.get('pts_instance_mask')
+        index = np.arange(len(truth))
+    if len(index) != rows or (rows and not 0 <= index.min() <= index.max() < len(truth)):
+        raise SceneError(
+            f'{metric}: scene {scene}: {rows} predicted rows do not fit {len(truth)} true ones; expected one row for '
+            'each point, or point_index naming the true row of each'
+        )
+    instance = None if instance is None else numpy_of(instance).astype(np.int64)
+    if instance is not None and len(instance) != len(truth):
+        raise SceneError(f'{metric}: scene {scene}: {len(instance)} true instances, but {len(truth)} true classes')
+    return PointTruth(truth.astype(np.int64), instance, index.astype(np.int64))
+
+
+def predicted_classes(probabilities: Float[np.ndarray, 'points classes']) -> Int[np.ndarray, ' points']:
+    """Most likely class; -1 where the row is not finite or all zero."""
+    if not probabilities.shape[1]:
+        return np.full(len(probabilities), -1, dtype=np.int64)
+    known = np.isfinite(probabilities).all(axis=1) & (probabilities > 0).any(axis=1)
+    return np.where(known, np.nan_to_num(probabilities).argmax(axis=1), -1).astype(np.int64)
+
+
+def class_names(classes: Sequence[str] | None, meta: Mapping[str, Any] | None, metric: str) -> tuple[str, ...]:
+    """Names of the class numbers.
+
+    Raises:
+        ValueError: Neither the metric nor the data set names them.
+    """
+    names = classes or (meta or {}).get('classes')
+    if not names:
+        raise ValueError(f'{metric}: no classes; pass classes=(...) or use a data set whose metainfo names them')
+    return tuple(names)
+
+
+def chosen_classes(
+    chosen: Sequence[int | str] | None, names: Sequence[str], meta: Mapping[str, Any] | None, metric: str
+) -> tuple[int, ...]:
+    """Class numbers by number or name; None: the data set's ``thing_classes``, or all.
+
+    Raises:
+        ValueError: One of them is no class.
+    """
+    wanted = (meta or {}).get('thing_classes') if chosen is None else chosen
+    if not wanted:
+        return tuple(range(len(names)))
+    numbers = [names.index(c) if isinstance(c, str) and c in names else c for c in wanted]
+    for number in numbers:
+        if not isinstance(number, int | np.integer) or not 0 <= number < len(names):
+            raise ValueError(f'{metric}.instance_classes: {number!r} is none of {tuple(names)} nor their numbers')
+    return tuple(int(number) for number in numbers)
+
+
+def format_columns(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A table as text: the first column to the left, numbers to the right."""
+    widths = [max(len(line[i]) for line in (head, *lines)) for i in range(len(head))]
+    text = [
+        '  '.join(
+            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in (head, *lines)
+    ]
+    return '\n'.join([text[0], '  '.join('-' * w for w in widths), *text[1:]])
+
+
+def percent(value: float) -> str:
+    """A share as percent, a dash for NaN."""
+    return '-' if np.isnan(value) else f'{100 * value:.2f}'

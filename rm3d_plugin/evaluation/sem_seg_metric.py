@@ -1,0 +1,94 @@
+"""Mean intersection over union of point classes as an mmengine metric."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from mmengine.evaluator import BaseMetric
+from mmengine.logging import print_log
+
+from rm3d_plugin.evaluation.functional.semantic_iou import (
+    IGNORED,
+    Absent,
+    AccuracyOver,
+    SemanticScores,
+    confusion_counts,
+    semantic_scores,
+)
+from rm3d_plugin.evaluation.point_fields import (
+    class_names,
+    fields_of,
+    format_columns,
+    numpy_of,
+    percent,
+    point_truth,
+    predicted_classes,
+)
+from rm3d_plugin.registry import METRICS
+
+
+@METRICS.register_module()
+class SemSegMetric(BaseMetric):
+    """Classes of points, in percent; see :func:`semantic_iou`.
+
+    Reads of each sample ``pred_point_probs`` (n, C; further columns, such as background, count as no class) or
+    ``pred_pts_semantic_mask`` (n,), and the truth ``pts_semantic_mask`` (n,) or that of the whole scene, see
+    :func:`~rm3d_plugin.evaluation.point_fields.point_truth`; points that were not predicted are then wrong.
+
+    Args:
+        classes: Names of the class numbers; None: those of the data set.
+        ignored: True values that do not count.
+        absent: 'skip' or 'zero' for a class that is predicted, but has no truth.
+        accuracy_over: 'known', or 'predicted' as SemanticKITTI's program.
+        collect_device: See mmengine.
+        prefix: Put before every name, with a slash.
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[str] | None = None,
+        ignored: Sequence[int] = IGNORED,
+        absent: Absent = 'skip',
+        accuracy_over: AccuracyOver = 'known',
+        collect_device: str = 'cpu',
+        prefix: str | None = None,
+    ) -> None:
+        super().__init__(collect_device=collect_device, prefix=prefix)
+        self.classes, self.ignored = classes, tuple(ignored)
+        self.absent: Absent = absent
+        self.accuracy_over: AccuracyOver = accuracy_over
+
+    def process(self, data_batch: Any, data_samples: Sequence[Any]) -> None:
+        """Count every scene of a batch."""
+        count = len(class_names(self.classes, self.dataset_meta, 'SemSegMetric'))
+        for sample in data_samples:
+            fields = fields_of(sample, [], 'SemSegMetric')
+            if fields.get('pred_pts_semantic_mask') is not None:
+                rows = numpy_of(fields['pred_pts_semantic_mask']).astype(np.int64)
+            else:
+                fields_of(fields, ['pred_point_probs'], 'SemSegMetric')
+                rows = predicted_classes(numpy_of(fields['pred_point_probs']))
+            truth = point_truth(fields, len(rows), 'SemSegMetric')
+            self.results.append(confusion_counts(truth.spread(rows, -1), truth.semantic, count, self.ignored))
+
+    def compute_metrics(self, results: list[np.ndarray]) -> dict[str, float]:
+        """The flat numbers over all scenes; the table goes to the log."""
+        names = class_names(self.classes, self.dataset_meta, 'SemSegMetric')
+        zero = np.zeros((len(names), len(names) + 1), dtype=np.int64)
+        scores = semantic_scores(sum(results, zero), self.absent, self.accuracy_over)
+        print_log('Classes of points (%)\n' + format_scores(scores, names), logger='current')
+        named = {f'IoU_{name}': 100 * float(v) for name, v in zip(names, scores.iou, strict=True) if not np.isnan(v)}
+        return named | {
+            'mIoU': 100 * scores.mean_iou,
+            'mAcc': 100 * scores.mean_accuracy,
+            'accuracy': 100 * scores.accuracy,
+        }
+
+
+def format_scores(scores: SemanticScores, names: Sequence[str]) -> str:
+    """A line for each class and one for the means."""
+    columns = zip(names, scores.iou, scores.recall, scores.precision, scores.points, strict=True)
+    lines = [(name, percent(i), percent(r), percent(p), str(n)) for name, i, r, p, n in columns]
+    mean = ('mean', percent(scores.mean_iou), percent(scores.mean_accuracy), '', str(int(scores.points.sum())))
+    right = ('all points right', percent(scores.accuracy), '', '', '')
+    return format_columns(('class', 'IoU', 'recall', 'precision', 'points'), [*lines, mean, right])
