@@ -1,0 +1,159 @@
+"""What data sets with a class for each point share: thinning, truth by the kept points, the way back to all points."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Int
+
+from rm3d_plugin.datasets.base import SceneDataset, Truth
+from rm3d_plugin.datasets.thinned import Thinned, check_voxel, thin_voxels
+from rm3d_plugin.storage.files import content_key
+from rm3d_plugin.storage.scene_cache import SceneCache
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, SceneError
+
+FAR = 1e3  # m; beyond, float32 is coarser than 0.1 mm and coordinates move to a local frame
+CACHE_VERSION = 1  # raise it when a reader changes what it makes of the same files
+
+
+class RawScene(NamedTuple):
+    """A scene as its files have it, every point.
+
+    Attributes:
+        cloud: The points.
+        semantic: (N,) int64 class of each point, -1 = ignored; None where the files hold no labels.
+        instance: (N,) int64 instance numbers from 0, -1 = none; None where the files hold none.
+    """
+
+    cloud: PointCloud
+    semantic: Int[np.ndarray, ' points'] | None = None
+    instance: Int[np.ndarray, ' points'] | None = None
+
+
+class SegmentationDataset(SceneDataset):
+    """Scenes whose points have classes, and instance numbers where the data set has things.
+
+    Args:
+        split: 'train' refuses labels='truth'.
+        voxel_thin: Keep one point in each cube of this edge, metres; None: every point. Predictions go back to all
+            points through :meth:`original_index`.
+        cache: Folder where what is slow to read (text) is kept after the first time; None: nowhere.
+        base: Arguments of :class:`SceneDataset`.
+
+    Raises:
+        ValueError: A choice that there is not.
+    """
+
+    thing_names: tuple[str, ...] = ()
+    """Classes that have instances, where the constructor is not told otherwise."""
+
+    def __init__(
+        self, split: str, voxel_thin: float | None = None, cache: str | Path | None = None, **base: Any
+    ) -> None:
+        super().__init__(**base)
+        if self.labels == 'truth' and split == 'train':
+            raise ValueError(
+                "labels='truth' is for splits that metrics are measured on, got split 'train'; "
+                "training reads labels='store', prediction needs labels='none'"
+            )
+        self.split = split
+        self.voxel_thin = None if voxel_thin is None else check_voxel(voxel_thin)
+        self.cache = None if cache is None else SceneCache(cache)
+        self._last: tuple[int, RawScene, Thinned] | None = None
+
+    @abstractmethod
+    def read_scene(self, index: int) -> RawScene:
+        """Every point of a scene, with its labels where the files hold them.
+
+        Raises:
+            SceneError: The scene cannot be used.
+        """
+
+    def original_index(self, index: int) -> Int[np.ndarray, ' points']:
+        """Row of :meth:`load_cloud` that stands for each original point; identity when nothing is thinned."""
+        return self._scene(index)[1].rows
+
+    @property
+    def thing_classes(self) -> tuple[int, ...]:
+        """Numbers of the classes that have instances."""
+        return tuple(number for number, name in enumerate(self.classes) if name in self.thing_names)
+
+    def load_cloud(self, index: int) -> PointCloud:
+        """The points of a scene, thinned where asked for; in the order of the files."""
+        scene, thin = self._scene(index)
+        return scene.cloud if self.voxel_thin is None else scene.cloud.select(thin.kept)
+
+    def load_truth(self, index: int) -> Truth:
+        """Class and instance number of each point of :meth:`load_cloud`.
+
+        Raises:
+            SceneError: The files hold no labels, or they cannot be used.
+        """
+        scene, thin = self._scene(index)
+        if scene.semantic is None:
+            raise SceneError(f'scene {self.scene_ids[index]}: {self.why_no_truth(index)}')
+        instance = None if scene.instance is None else _renumber(scene.instance[thin.kept])
+        return Truth(Boxes3D.empty(), scene.semantic[thin.kept], instance)
+
+    def why_no_truth(self, index: int) -> str:
+        """What to tell who asks for labels that the files do not hold."""
+        return f'split {self.split!r} has no labels; expected a labelled split'
+
+    def check_scene(self, index: int) -> None:
+        """Read everything there is of a scene, labels too.
+
+        Raises:
+            SceneError: The scene cannot be used, or labels='truth' finds none.
+        """
+        self._scene(index)
+        if self.labels == 'truth':
+            self.load_truth(index)
+
+    def _scene(self, index: int) -> tuple[RawScene, Thinned]:
+        """The scene, kept until another one is asked for: points, truth and the way back are asked for in a row."""
+        if self._last is None or self._last[0] != index:
+            scene = self.read_scene(index)
+            if len(scene.cloud) == 0:
+                raise SceneError(f'scene {self.scene_ids[index]}: holds no points; leave it out')
+            for name, values in (('semantic', scene.semantic), ('instance', scene.instance)):
+                if values is not None and len(values) != len(scene.cloud):
+                    raise SceneError(
+                        f'scene {self.scene_ids[index]}: {name}: {len(values)} labels for {len(scene.cloud)} points'
+                    )
+            xyz = scene.cloud.xyz.astype(np.float64) + scene.cloud.origin
+            self._last = index, scene, thin_voxels(xyz, self.voxel_thin)
+        return self._last[1], self._last[2]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the scene that was read last: it would travel to every data loader process."""
+        return self.__dict__ | {'_last': None}
+
+
+def only_things(
+    instance: Int[np.ndarray, ' points'], semantic: Int[np.ndarray, ' points'], things: tuple[int, ...]
+) -> Int[np.ndarray, ' points']:
+    """Instance numbers of points whose class has instances, numbered 0, 1, ... in their order; -1 elsewhere."""
+    return _renumber(np.where(np.isin(semantic, things), instance, UNLABELLED))
+
+
+def _renumber(instance: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
+    """The same instances numbered 0, 1, ... without gaps, in ascending order; -1 stays."""
+    found, inverse = np.unique(instance, return_inverse=True)
+    first = int(np.searchsorted(found, 0))
+    numbers = np.r_[np.full(first, UNLABELLED), np.arange(len(found) - first)]
+    return numbers[inverse.reshape(-1)].astype(np.int64)
+
+
+def make_cloud(xyz: np.ndarray, **channels: np.ndarray) -> PointCloud:
+    """A cloud from float64 coordinates; far ones move to a local frame, and ``origin`` tells where it lies."""
+    if len(xyz) and np.abs(xyz).max() > FAR:
+        return PointCloud.from_world(xyz, **channels)
+    return PointCloud(np.asarray(xyz, dtype=np.float32), **channels)
+
+
+def file_key(reader: str, paths: tuple[Path, ...], options: Mapping[str, Any] | None = None) -> str:
+    """A cache key of files that are too large to hash on every read: their paths, sizes and times of change."""
+    stats = [(str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns) for path in paths]
+    return content_key(reader, CACHE_VERSION, stats, dict(options or {}))
