@@ -1,15 +1,16 @@
 """SemanticKITTI in its native layout."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from rm3d_plugin.datasets.base import BadScenes, DatasetNotFoundError, Labels, SceneDataset, Truth
+from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.datasets.kitti_format import check_points, read_velodyne
+from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset
 from rm3d_plugin.datasets.semantickitti_format import (
     CLASSES,
     NUM_THINGS,
@@ -18,9 +19,8 @@ from rm3d_plugin.datasets.semantickitti_format import (
     read_labels,
     read_lidar_poses,
 )
-from rm3d_plugin.datasets.thinned import Thinned, check_voxel, thin_voxels
 from rm3d_plugin.registry import DATASETS
-from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
+from rm3d_plugin.structures import PointCloud, SceneError
 
 Split = Literal['train', 'val', 'trainval', 'test']
 TRAIN, VAL, TEST = (0, 1, 2, 3, 4, 5, 6, 7, 9, 10), (8,), tuple(range(11, 22))
@@ -35,7 +35,7 @@ _LAYOUT = """
 
 
 @DATASETS.register_module()
-class SemanticKittiDataset(SceneDataset):
+class SemanticKittiDataset(SegmentationDataset):
     """SemanticKITTI: one scan, one scene named ``NN_000000``; lidar frame, z up, the sensor at the origin.
 
     Classes are the benchmark's 19, moving things merged with resting ones; its thing classes have instances.
@@ -45,17 +45,16 @@ class SemanticKittiDataset(SceneDataset):
         split: The benchmark's: train 00-07, 09, 10; val 08; trainval both; test 11-21, which has no labels.
         sequences: Take these instead of the split's, each of which must be there.
         every: Take each ``every``-th scan of a sequence, from its first on.
-        labels: See :class:`SceneDataset`; 'truth' is refused for the splits that train.
-        label_store: See :class:`SceneDataset`.
-        pipeline: See :class:`SceneDataset`.
+        use_intensity: Hand on the remission; False where some scans have none.
         classes: Names of the 19 classes; their order is the benchmark's.
-        voxel_thin: Keep one point in each voxel of this edge, metres; None: every point.
-        bad_scenes: See :class:`SceneDataset`.
-        seed: See :class:`SceneDataset`.
+        common: Arguments of :class:`SegmentationDataset` and :class:`SceneDataset`.
 
     Raises:
         DatasetNotFoundError: Nothing at data_root, or none of the sequences.
+        ValueError: A choice that there is not.
     """
+
+    thing_names = CLASSES[:NUM_THINGS]
 
     def __init__(
         self,
@@ -63,36 +62,23 @@ class SemanticKittiDataset(SceneDataset):
         split: Split = 'train',
         sequences: Sequence[int] | None = None,
         every: int = 1,
-        labels: Labels = 'none',
-        label_store: str | Path | None = None,
-        pipeline: Sequence[Mapping[str, Any] | Callable[[dict[str, Any]], dict[str, Any]]] = (),
+        use_intensity: bool = True,
         classes: Sequence[str] = CLASSES,
-        voxel_thin: float | None = None,
-        bad_scenes: BadScenes = 'error',
-        seed: int = 0,
+        **common: Any,
     ) -> None:
-        super().__init__(classes, pipeline, labels, label_store, bad_scenes, seed)
         if split not in get_args(Split):
             raise ValueError(f'split: expected one of {", ".join(get_args(Split))}, got {split!r}')
-        if labels == 'truth' and split != 'val':
-            raise ValueError(
-                f"labels='truth' is for split 'val', where metrics need it, got {split!r}; training reads "
-                "labels='store', prediction needs labels='none'. Other sequences to measure on: sequences=[...]"
-            )
+        super().__init__(split, classes=classes, **common)
         if len(self.classes) != len(CLASSES):
             raise ValueError(f'classes: SemanticKITTI has {len(CLASSES)}, got {len(self.classes)}')
         if every < 1:
             raise ValueError(f'every: expected 1 or more, got {every}')
         self.data_root = Path(data_root)
-        self.split = split
         self.sequences = None if sequences is None else tuple(int(number) for number in sequences)
+        if self.sequences is not None and len(set(self.sequences)) != len(self.sequences):
+            raise ValueError(f'sequences: name each once, got {list(self.sequences)}')
         self.every = int(every)
-        self.voxel_thin = None if voxel_thin is None else check_voxel(voxel_thin)
-
-    @property
-    def thing_classes(self) -> tuple[int, ...]:
-        """Numbers of the classes that have instances: car to motorcyclist."""
-        return tuple(range(NUM_THINGS))
+        self.use_intensity = use_intensity
 
     # ------------------------------------------------------------------ scenes
 
@@ -128,34 +114,25 @@ class SemanticKittiDataset(SceneDataset):
 
     # ------------------------------------------------------------------ one scene
 
-    def load_cloud(self, index: int) -> PointCloud:
-        """Points with their remission as intensity."""
-        points = self._points(index)
-        kept = self._thinned(points).kept
-        intensity = np.clip(points[kept, 3], 0.0, 1.0)
-        return PointCloud(xyz=points[kept, :3], intensity=intensity, sensor=(0.0, 0.0, 0.0))
-
-    def load_truth(self, index: int) -> Truth:
-        """Classes and instances of the points of :meth:`load_cloud`.
-
-        Raises:
-            SceneError: split='test' has none, or the label file cannot be used.
-        """
-        if self.split == 'test':
-            raise SceneError(
-                f'scene {self.scene_ids[index]}: SemanticKITTI keeps the labels of its test scans to itself; '
-                'use split="val"'
-            )
-        points = self._points(index)
+    def read_scene(self, index: int) -> RawScene:
+        """Points with their remission as intensity; classes and instances where there is a label file."""
+        path = self._file(index, 'velodyne', '.bin')
+        points = read_velodyne(path)
+        check_points(points, path)
+        intensity = np.clip(points[:, 3], 0.0, 1.0) if self.use_intensity else None
+        cloud = PointCloud(points[:, :3], intensity=intensity, sensor=(0.0, 0.0, 0.0))
         path = self._file(index, 'labels', '.label')
+        if self.split == 'test' or not path.is_file():
+            return RawScene(cloud)
         raw = read_labels(path, len(points))
-        kept = self._thinned(points).kept
-        semantic = merge_ids(raw.semantic, path)[kept]
-        return Truth(Boxes3D.empty(), semantic, number_instances(semantic, raw.instance[kept]))
+        semantic = merge_ids(raw.semantic, path)
+        return RawScene(cloud, semantic, number_instances(semantic, raw.instance))
 
-    def original_index(self, index: int) -> Int[np.ndarray, ' originals']:
-        """For each point of the file, the row of the point of :meth:`load_cloud` that stands for it."""
-        return self._thinned(self._points(index)).rows
+    def why_no_truth(self, index: int) -> str:
+        """Test scans have none; others miss a file."""
+        if self.split == 'test':
+            return 'SemanticKITTI keeps the labels of its test scans to itself; use split="val"'
+        return f'{self._file(index, "labels", ".label")}: no such file; expected the labels of the scan'
 
     def pose(self, index: int) -> Float[np.ndarray, '4 4'] | None:
         """World from lidar, or None where the sequence has no poses.
@@ -170,23 +147,3 @@ class SemanticKittiDataset(SceneDataset):
         if int(scan) >= len(poses):
             raise SceneError(f'{self._folder(int(sequence)) / "poses.txt"}: {len(poses)} rows, none for scan {scan}')
         return poses[int(scan)]
-
-    def check_scene(self, index: int) -> None:
-        """Read the points, and the labels where training or a metric may need them.
-
-        Raises:
-            SceneError: The scan cannot be used.
-        """
-        if self.split == 'test' or (self.labels == 'none' and not self._file(index, 'labels', '.label').is_file()):
-            self.load_cloud(index)
-        else:
-            self.load_truth(index)  # reads the points, too
-
-    def _points(self, index: int) -> Float[np.ndarray, 'points 4']:
-        path = self._file(index, 'velodyne', '.bin')
-        points = read_velodyne(path)
-        check_points(points, path)
-        return points
-
-    def _thinned(self, points: Float[np.ndarray, 'points 4']) -> Thinned:
-        return thin_voxels(points[:, :3], self.voxel_thin)
