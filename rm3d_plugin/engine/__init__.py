@@ -1,8 +1,22 @@
 """When things happen: hooks, loops, runs, reports. No maths."""
 
 from rm3d_plugin.engine import hooks as hooks
-from rm3d_plugin.engine.labeler import PointPrediction, SceneLabeler
+from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction
+from rm3d_plugin.engine.labeler import SceneLabeler
 from rm3d_plugin.engine.loops import RoundTrainLoop
-from rm3d_plugin.engine.sources import BoxBudgetSource, LabelSource
+from rm3d_plugin.engine.point_labeler import PointLabeler
+from rm3d_plugin.engine.point_source import PointBudgetSource
+from rm3d_plugin.engine.sources import BoxBudgetSource, DatasetSource, LabelSource
 
-__all__ = ['BoxBudgetSource', 'LabelSource', 'PointPrediction', 'RoundTrainLoop', 'SceneLabeler', 'hooks']
+__all__ = [
+    'BaseLabeler',
+    'BoxBudgetSource',
+    'DatasetSource',
+    'LabelSource',
+    'PointBudgetSource',
+    'PointLabeler',
+    'PointPrediction',
+    'RoundTrainLoop',
+    'SceneLabeler',
+    'hooks',
+]

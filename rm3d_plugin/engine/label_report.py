@@ -1,11 +1,12 @@
 """How good a round's labels are, over all scenes: for the log and the report."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
-from rm3d_plugin.pseudo_labels.quality import SceneTruth, pseudo_report
+from rm3d_plugin.pseudo_labels.quality import PointCounts, SceneTruth, count_points, pseudo_report
 from rm3d_plugin.structures import PseudoLabels
 
 MATCH_IOU = 0.25  # overlap from above from which a pseudo box counts as right
@@ -53,6 +54,108 @@ def summarise(scenes: Sequence[tuple[PseudoLabels, SceneTruth | None]], classes:
     }
 
 
+class PointTruth(NamedTuple):
+    """The hidden truth of a segmentation scene, for reports only.
+
+    Attributes:
+        xyz: (N, 3) metres.
+        semantic: (N,) true class, -1 = not known.
+        instance: (N,) true instance, -1 = none; or None where the data set has none.
+    """
+
+    xyz: Float[np.ndarray, 'points 3']
+    semantic: Int[np.ndarray, ' points']
+    instance: Int[np.ndarray, ' points'] | None
+
+
+def summarise_points(
+    scenes: Iterable[tuple[PseudoLabels, PointTruth | None]], classes: Sequence[str]
+) -> dict[str, Any]:
+    """Add up coverage, precision and offset errors over the scenes of a segmentation round; one scene at a time.
+
+    Args:
+        scenes: Labels and truth (None where nobody knows it) of each scene.
+        classes: Names of the classes.
+
+    Returns:
+        ``coverage``: share of all points with a label. ``precision``: share of the pseudo labels that are right, and
+        ``mean_precision``: its mean over the classes that were given; None where unknown. ``offset_error``: metres
+        between the centres of pseudo and true instance, mean over points (see :func:`offset_errors`), or None.
+        ``truth_known``. ``points``: per class name ``pseudo`` (points with that pseudo label), ``precision``,
+        ``recall`` and ``coverage`` of the hidden points of the class, and ``offset_error``. ``boxes``: empty.
+    """
+    count = len(classes)
+    edges = (0.0,)
+    zero = np.zeros((1, count), dtype=np.int64)
+    judged = PointCounts(zero, zero, zero, zero)
+    pseudo, offsets = np.zeros(count, dtype=np.int64), np.zeros((2, count))
+    total = labelled = 0
+    truth_known = False
+    for labels, truth in scenes:
+        total, labelled = total + len(labels), labelled + int((labels.semantic >= 0).sum())
+        pseudo += _pseudo_points(labels, count)
+        if truth is not None:
+            truth_known = True
+            judged += count_points(labels.semantic, truth.semantic, count, None, ~labels.point_is_true, edges)
+            if truth.instance is not None:
+                offsets += offset_errors(labels, truth, count)
+    present, seen, given, correct = (
+        table[0] for table in (judged.present, judged.labelled, judged.given, judged.correct)
+    )
+    precision = [_share(correct[c], given[c]) for c in range(count)]
+    known = [value for value in precision if value is not None]
+    return {
+        'coverage': labelled / total if total else 0.0,
+        'precision': _share(correct.sum(), given.sum()),
+        'mean_precision': sum(known) / len(known) if known else None,
+        'offset_error': _share(offsets[0].sum(), offsets[1].sum()),
+        'truth_known': truth_known,
+        'points': {
+            name: {
+                'pseudo': int(pseudo[c]),
+                'precision': precision[c],
+                'recall': _share(correct[c], present[c]),
+                'coverage': _share(seen[c], present[c]),
+                'offset_error': _share(offsets[0, c], offsets[1, c]),
+            }
+            for c, name in enumerate(classes)
+        },
+        'boxes': {},
+    }
+
+
+def offset_errors(labels: PseudoLabels, truth: PointTruth, count: int) -> Float[np.ndarray, '2 classes']:
+    """How far the centres that offsets are learnt from lie from the true ones (the paper's Figure 8).
+
+    Every point with a pseudo instance and a true one, of one class in both, has an error: the distance between the
+    centroids of the two instances, each over all its points. That is the error of the point's offset label too.
+
+    Returns:
+        Sum of the errors in metres, and number of points, of each class.
+    """
+    assert truth.instance is not None
+    own = (labels.instance >= 0) & (truth.instance >= 0) & (labels.semantic == truth.semantic) & (truth.semantic >= 0)
+    distance = np.linalg.norm(_centroids(truth.xyz, labels.instance) - _centroids(truth.xyz, truth.instance), axis=1)
+    classes = truth.semantic[own]
+    return np.stack(
+        [np.bincount(classes, weights=distance[own], minlength=count), np.bincount(classes, minlength=count)]
+    )
+
+
+def _centroids(
+    xyz: Float[np.ndarray, 'points 3'], instance: Int[np.ndarray, ' points']
+) -> Float[np.ndarray, 'points 3']:
+    """Centroid of each point's instance, metres (of all points without any: meaningless, never read)."""
+    _, number = np.unique(instance, return_inverse=True)
+    sizes = np.maximum(np.bincount(number), 1)
+    sums = [np.bincount(number, weights=column) for column in xyz.astype(np.float64).T]
+    return (np.stack(sums, axis=1) / sizes[:, None])[number]
+
+
+def _share(part: float, whole: float) -> float | None:
+    return float(part) / float(whole) if whole else None
+
+
 def _pseudo_points(labels: PseudoLabels, count: int) -> np.ndarray:
     return np.bincount(labels.semantic[(labels.semantic >= 0) & ~labels.point_is_true], minlength=count)
 
@@ -65,6 +168,10 @@ def _boxes(labels: PseudoLabels, count: int) -> np.ndarray:
 def describe_round(summary: dict[str, Any]) -> str:
     """One line for the log."""
     parts = [f'coverage {100 * summary["coverage"]:.1f} %']
+    if summary.get('precision') is not None:
+        parts[0] += f', {100 * summary["precision"]:.1f} % right'
+    if summary.get('offset_error') is not None:
+        parts[0] += f', centres of instances off by {summary["offset_error"]:.2f} m'
     for name, row in summary['points'].items():
         precision = '' if row['precision'] is None else f' ({100 * row["precision"]:.0f} % right)'
         parts.append(f'{name} {row["pseudo"]} points{precision}')

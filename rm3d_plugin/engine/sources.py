@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Int
 from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import Truth
@@ -30,10 +32,12 @@ class LabelSource(ABC):
     Attributes:
         classes: Names of the classes, background left out.
         scene_ids: One name a scene.
+        thing_classes: In segmentation, numbers of the classes that have instances.
     """
 
     classes: Sequence[str]
     scene_ids: Sequence[str]
+    thing_classes: Sequence[int] = ()
 
     @abstractmethod
     def load_cloud(self, index: int) -> PointCloud:
@@ -47,6 +51,14 @@ class LabelSource(ABC):
         """All labels, for the report on pseudo labels only; None where nobody knows them."""
         return None
 
+    def point_counts(self) -> Int[np.ndarray, ' classes']:
+        """Revealed points of each class."""
+        counts = np.zeros(len(self.classes), dtype=np.int64)
+        for index in range(len(self.scene_ids)):
+            semantic = self.weak_labels(index).semantic
+            counts += np.bincount(semantic[semantic >= 0], minlength=len(self.classes))
+        return counts
+
     def describe(self) -> str:
         """What is revealed, in one or a few lines."""
         return f'{len(self.scene_ids)} scenes'
@@ -55,8 +67,31 @@ class LabelSource(ABC):
         """Draw what is revealed and keep it in ``folder``, or with ``resume`` take up what is kept there."""
 
 
+class DatasetSource(LabelSource):
+    """The scenes of a data set; what is revealed of them is up to the subclass.
+
+    Args:
+        dataset: The training split or its config.
+    """
+
+    def __init__(self, dataset: Any) -> None:
+        self.dataset = DATASETS.build(dataset) if isinstance(dataset, Mapping) else dataset
+        self.classes = tuple(self.dataset.metainfo['classes'])
+        self.scene_ids = list(self.dataset.scene_ids)
+
+    def load_cloud(self, index: int) -> PointCloud:
+        """Points of scene ``index``."""
+        cloud: PointCloud = self.dataset.load_cloud(index)
+        return cloud
+
+    def truth(self, index: int) -> Truth | None:
+        """All labels of a scene, for reports."""
+        truth: Truth = self.dataset.load_truth(index)
+        return truth
+
+
 @TASK_UTILS.register_module()
-class BoxBudgetSource(LabelSource):
+class BoxBudgetSource(DatasetSource):
     """A few boxes of a detection data set, drawn by seed (METHOD 8).
 
     Args:
@@ -69,9 +104,7 @@ class BoxBudgetSource(LabelSource):
     def __init__(
         self, dataset: Any, budget: str | Mapping[str, Any] = '1pct', seed: int = 0, min_points: int = 5
     ) -> None:
-        self.dataset = DATASETS.build(dataset) if isinstance(dataset, Mapping) else dataset
-        self.classes = tuple(self.dataset.metainfo['classes'])
-        self.scene_ids = list(self.dataset.scene_ids)
+        super().__init__(dataset)
         self._amount = budget if isinstance(budget, str) else BoxAmount(**budget)
         self._seed, self._min_points = seed, min_points
         self._budget: BoxBudget | None = None
@@ -88,22 +121,12 @@ class BoxBudgetSource(LabelSource):
             self._budget = draw_box_budget(labels, self._amount, self._seed, points, self._min_points)
         return self._budget
 
-    def load_cloud(self, index: int) -> PointCloud:
-        """Points of scene ``index``."""
-        cloud: PointCloud = self.dataset.load_cloud(index)
-        return cloud
-
     def weak_labels(self, index: int) -> WeakLabels:
         """The revealed boxes of a scene and the labels of the points in them."""
         truth = self.dataset.load_truth(index)
         rows = self.budget.rows(self.scene_ids[index], len(truth.boxes))
         seen = hide(self.load_cloud(index).xyz, truth, rows, self.budget.complete)
         return WeakLabels(seen.semantic, seen.instance, seen.boxes, complete=seen.complete)
-
-    def truth(self, index: int) -> Truth | None:
-        """All boxes of a scene, for reports."""
-        truth: Truth = self.dataset.load_truth(index)
-        return truth
 
     def describe(self) -> str:
         """The budget's summary."""

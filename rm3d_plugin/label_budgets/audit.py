@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -99,10 +99,81 @@ def scramble_hidden(truth: AnyTruth, revealed: Sequence[int], rng: np.random.Gen
     return scrambled
 
 
-def _check_rows(revealed: Sequence[int], boxes: int) -> Int[np.ndarray, ' revealed']:
+class RevealedPoints(NamedTuple):
+    """The labelled points of one scene that training may see.
+
+    Attributes:
+        points: (P,) int64 point numbers, ascending.
+        semantic: (P,) int64 their classes.
+        instance: (P,) int64 their instances, -1 = none or hidden.
+    """
+
+    points: Int[np.ndarray, ' revealed']
+    semantic: Int[np.ndarray, ' revealed']
+    instance: Int[np.ndarray, ' revealed']
+
+
+def hide_points(
+    truth: DenseTruth, revealed: Sequence[int] | Int[np.ndarray, ' revealed'], instances: bool = True
+) -> RevealedPoints:
+    """What training may see of a scene's points: class and instance of the revealed ones that have a class.
+
+    Args:
+        truth: Everything that is known of the scene; its boxes are not read.
+        revealed: Point numbers.
+        instances: False hides the instances of the revealed points too.
+
+    Raises:
+        ValueError: The truth has no point labels, or a point is out of range or comes twice.
+    """
+    if truth.semantic is None:
+        raise ValueError('hide_points: the truth has no point labels (semantic is None)')
+    rows = np.sort(_check_rows(revealed, len(truth.semantic), 'points'))
+    rows = rows[truth.semantic[rows] >= 0]
+    nothing = np.full(len(rows), UNLABELLED, dtype=np.int64)
+    instance = nothing if truth.instance is None or not instances else truth.instance[rows].astype(np.int64)
+    return RevealedPoints(rows, truth.semantic[rows].astype(np.int64), instance)
+
+
+def scramble_hidden_points(
+    truth: AnyTruth,
+    revealed: Sequence[int] | Int[np.ndarray, ' revealed'],
+    rng: np.random.Generator,
+    instances: bool = True,
+) -> AnyTruth:
+    """The same truth with noise for the class and instance of every point that is not revealed.
+
+    Training on it must give bit-identical losses: whatever differs has leaked. Boxes stay: a budget of points reveals
+    none, and none are read.
+
+    Args:
+        truth: A frozen dataclass with ``semantic`` and ``instance``.
+        revealed: Point numbers to leave as they are.
+        rng: Source of the noise.
+        instances: False: the instances of the revealed points are hidden, so they become noise too.
+    """
+    assert truth.semantic is not None
+    rows = _check_rows(revealed, len(truth.semantic), 'points')
+    noise = {}
+    for name, values, kept in (('semantic', truth.semantic, True), ('instance', truth.instance, instances)):
+        if values is not None:
+            top = max(1, values.max(initial=0) + 1)
+            noise[name] = rng.integers(UNLABELLED, top, size=len(values)).astype(values.dtype)
+            noise[name][rows if kept else rows[:0]] = values[rows if kept else rows[:0]]
+    scrambled: AnyTruth = replace(truth, **noise)  # type: ignore[type-var]
+    return scrambled
+
+
+def _check_rows(
+    revealed: Sequence[int] | Int[np.ndarray, ' revealed'], count: int, things: str = 'boxes'
+) -> Int[np.ndarray, ' revealed']:
     rows = np.asarray(revealed, dtype=np.int64).reshape(-1)
-    if len(rows) and (rows.min() < 0 or rows.max() >= boxes):
-        raise ValueError(f'revealed: expected rows of {boxes} boxes, got {rows.tolist()}; draw the label budget again')
+    if len(rows) and (rows.min() < 0 or rows.max() >= count):
+        raise ValueError(f'revealed: expected rows of {count} {things}, got {_few(rows)}; draw the label budget again')
     if len(np.unique(rows)) != len(rows):
-        raise ValueError(f'revealed: a row comes twice in {rows.tolist()}')
+        raise ValueError(f'revealed: a row comes twice in {_few(rows)}')
     return rows
+
+
+def _few(rows: Int[np.ndarray, ' revealed']) -> str:
+    return str(rows.tolist()) if len(rows) <= 20 else f'{rows[:20].tolist()} ... ({rows.min()} to {rows.max()})'

@@ -7,15 +7,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.label_budgets.base import BudgetError, by_text, class_counts, class_lines
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.storage.files import content_key
-from rm3d_plugin.structures import SceneError
 
 FORMAT_VERSION = 1
-
-
-class BudgetError(SceneError):
-    """A label budget that cannot be drawn or trusted; the message tells why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +103,8 @@ class BoxBudget:
             'seed': self.seed,
             'complete': self.complete,
             'amount': {'per_scene': self.amount.per_scene, 'fraction': self.amount.fraction},
-            'revealed_per_class': {str(number): count for number, count in self.revealed_per_class.items()},
-            'total_per_class': {str(number): count for number, count in self.total_per_class.items()},
+            'revealed_per_class': by_text(self.revealed_per_class),
+            'total_per_class': by_text(self.total_per_class),
             'boxes_per_scene': dict(self.boxes_per_scene),
             'revealed': {name: list(rows) for name, rows in self.revealed.items()},
         }
@@ -127,14 +123,11 @@ class BoxBudget:
         total = sum(self.total_per_class.values())
         used = sum(bool(rows) for rows in self.revealed.values())
         share = 100 * self.revealed_count / total if total else 0.0
-        lines = [
+        head = (
             f'Label budget {self.hash[:8]}, seed {self.seed}: {self.revealed_count} of {total} boxes ({share:.2f} %) '
             f'in {used} of {len(self.revealed)} scenes'
-        ]
-        for number, there in sorted(self.total_per_class.items()):
-            name = classes[number] if classes is not None else f'class {number}'
-            lines.append(f'  {name:<16} {self.revealed_per_class.get(number, 0):>6} of {there}')
-        return '\n'.join(lines)
+        )
+        return '\n'.join([head, *class_lines(self.revealed_per_class, self.total_per_class, classes)])
 
 
 def draw_box_budget(
@@ -182,8 +175,8 @@ def draw_box_budget(
         complete=amount.everything,
         seed=seed,
         amount=amount,
-        revealed_per_class=_count(revealed),
-        total_per_class=_count(list(labels.values())),
+        revealed_per_class=class_counts(revealed),
+        total_per_class=class_counts(list(labels.values())),
         boxes_per_scene={name: len(labels[name]) for name in scenes},
     )
 
@@ -248,8 +241,3 @@ def _pick(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int]:
                 later.append(position)
         left, level = later, level + 1
     return taken
-
-
-def _count(arrays: Sequence[np.ndarray]) -> dict[int, int]:
-    numbers, counts = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *arrays]), return_counts=True)
-    return dict(zip(numbers.tolist(), counts.tolist(), strict=True))

@@ -10,7 +10,7 @@ from mmengine.hooks import Hook
 from mmengine.runner import Runner
 from tqdm import tqdm
 
-from rm3d_plugin.engine.labeler import PointPrediction, SceneLabeler
+from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
 
 
@@ -25,7 +25,7 @@ class RegionMergeHook(Hook):
     Args:
         interval: sigma, epochs between two refreshes.
         rounds: Sets of labels in the whole run; the first is made without a network.
-        labeler: A :class:`~rm3d_plugin.engine.labeler.SceneLabeler` or its config.
+        labeler: A labeler (:class:`~rm3d_plugin.engine.base_labeler.BaseLabeler`) or its config.
         first_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
             has seen more, which counts where few labels are revealed or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
@@ -36,7 +36,7 @@ class RegionMergeHook(Hook):
     def __init__(
         self,
         interval: int,
-        labeler: dict[str, Any] | SceneLabeler,
+        labeler: dict[str, Any] | BaseLabeler,
         dataloader: Any,
         rounds: int = 8,
         first_rounds: int = 1,
@@ -49,7 +49,7 @@ class RegionMergeHook(Hook):
         self.first_rounds = first_rounds
         self.dataloader = dataloader
         self.seconds = 0.0  # spent on labels by this process
-        self.labeler: SceneLabeler = TASK_UTILS.build(labeler) if isinstance(labeler, dict) else labeler
+        self.labeler: BaseLabeler = TASK_UTILS.build(labeler) if isinstance(labeler, dict) else labeler
 
     def before_train(self, runner: Runner) -> None:
         """Prepare the geometry, make the first labels, and tell the model the sizes of the revealed boxes."""

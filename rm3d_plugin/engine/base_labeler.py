@@ -1,0 +1,197 @@
+"""What labelers have in common: geometry in a cache, labels of each round in the label store."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from joblib import Parallel, delayed
+from mmengine.dist import is_main_process
+from tqdm import tqdm
+
+from rm3d_plugin.engine.label_report import describe_round
+from rm3d_plugin.engine.sources import LabelSource
+from rm3d_plugin.pseudo_labels import WeakLabels
+from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
+from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS, TASK_UTILS
+from rm3d_plugin.storage import LabelStore, SceneCache, content_key
+from rm3d_plugin.structures import PseudoLabels
+
+Log = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class PointPrediction:
+    """What the network says of every point of a scene; rows it did not see are NaN.
+
+    Attributes:
+        probabilities: (N, C) softmax; in detection the last class is background.
+        centers: (N, 3) metres, the voted object centre, or None.
+    """
+
+    probabilities: Float[np.ndarray, 'points classes']
+    centers: Float[np.ndarray, 'points 3'] | None
+
+
+class SceneLabels(NamedTuple):
+    """Labels of one scene, with the arrays of the ledger that tells how they came about (None: nothing merged)."""
+
+    labels: PseudoLabels
+    ledger: dict[str, np.ndarray] | None
+
+
+class BaseLabeler(ABC):
+    """Prepares the geometry of the training scenes and writes their labels, round by round.
+
+    A subclass says what the labels of a scene are (:meth:`make_labels`), how good those of a round are
+    (:meth:`summarise_round`), and from which points the over-segmentation starts (:meth:`seeds`).
+
+    Args:
+        store: Folder of the label store.
+        cache: Folder of prepared geometry; shared by runs, keyed by content and parameters.
+        source: A :class:`~rm3d_plugin.engine.sources.LabelSource` or its config.
+        descriptor: Config of a descriptor provider.
+        oversegmenter: Config of an over-segmenter.
+        strategy: Fields of :class:`~rm3d_plugin.regions.MergeStrategy`.
+        graph_neighbors: K, adjacent regions that each region keeps.
+        max_gap: Metres; regions farther apart are not adjacent.
+    """
+
+    def __init__(
+        self,
+        store: str | Path,
+        cache: str | Path,
+        source: Mapping[str, Any] | LabelSource,
+        descriptor: Mapping[str, Any],
+        oversegmenter: Mapping[str, Any],
+        strategy: Mapping[str, Any] | None = None,
+        graph_neighbors: int = 8,
+        max_gap: float | None = None,
+    ) -> None:
+        self.store = LabelStore(store)
+        self.cache = SceneCache(cache)
+        self.source: LabelSource = TASK_UTILS.build(source) if isinstance(source, Mapping) else source
+        self.strategy = MergeStrategy(**(strategy or {}))
+        self._settings = (dict(descriptor), dict(oversegmenter), graph_neighbors, max_gap)
+        self._descriptor = DESCRIPTORS.build(dict(descriptor))
+        self._oversegmenter = OVERSEGMENTERS.build(dict(oversegmenter))
+        self._graph_neighbors, self._max_gap = graph_neighbors, max_gap
+        self.index_of = {scene: i for i, scene in enumerate(self.source.scene_ids)}
+
+    # ------------------------------------------------------------------ what a subclass says
+
+    @abstractmethod
+    def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
+        """Labels of one scene for one round; ``prediction`` is None in round 0."""
+
+    @abstractmethod
+    def summarise_round(self, number: int) -> dict[str, Any]:
+        """How good the labels of a round are, as far as the truth is known (a report, never training)."""
+
+    @abstractmethod
+    def needs_geometry(self) -> bool:
+        """Whether labels are made from regions; False spares :meth:`prepare` its work."""
+
+    @abstractmethod
+    def seeds(self, scene_id: str) -> Int[np.ndarray, ' seeds'] | None:
+        """Points from which the over-segmentation starts; None: it chooses."""
+
+    # ------------------------------------------------------------------ geometry and weak labels
+
+    def prepared(self, scene_id: str) -> PreparedScene:
+        """Regions and graph of a scene, from the cache or made now."""
+        cloud = self.source.load_cloud(self.index_of[scene_id])
+        channels = [values for values in (cloud.xyz, cloud.intensity, cloud.colors) if values is not None]
+        seeds = self.seeds(scene_id)
+        key = content_key('prepared', PREPARED_VERSION, channels, self._settings, *([] if seeds is None else [seeds]))
+
+        def make() -> dict[str, np.ndarray]:
+            scene = prepare_scene(
+                cloud, self._descriptor, self._oversegmenter, self._graph_neighbors, self._max_gap, seeds
+            )
+            return scene.to_arrays()
+
+        return PreparedScene.from_arrays(self.cache.get_or_make(key, make))
+
+    def weak(self, scene_id: str) -> WeakLabels:
+        """Revealed labels of a scene."""
+        return self.source.weak_labels(self.index_of[scene_id])
+
+    def prepare(self, jobs: int = 1) -> None:
+        """Fill the geometry cache, where labels need it.
+
+        Args:
+            jobs: Processes; any joblib backend that is set (dask, say) is used.
+        """
+        if not self.needs_geometry():
+            return
+        if jobs == 1:
+            for scene in tqdm(self.index_of, desc='preparing geometry'):
+                self.prepared(scene)
+            return
+        tasks = (delayed(_prepare_one)(self, scene) for scene in self.index_of)
+        done = Parallel(n_jobs=jobs, return_as='generator_unordered')(tasks)
+        for _ in tqdm(done, total=len(self.index_of), desc=f'preparing geometry, {jobs} processes'):
+            pass
+
+    # ------------------------------------------------------------------ what the hook calls
+
+    def start(self, keep: bool, log: Log = print) -> None:
+        """Open the budget, prepare every scene, and write the labels of round 0.
+
+        Args:
+            keep: Go on with the budget and the rounds of an interrupted run.
+            log: Told what is revealed and what round 0 labels.
+        """
+        self.source.open(self.store.root, resume=keep)
+        log(self.source.describe())
+        self.prepare()
+        if not (keep and self.is_finished(0)):
+            self.begin(0)
+            for scene in tqdm(self.index_of, desc='labels, round 0'):
+                self.refresh(0, scene, None)
+            self.finish(0, log)
+
+    def inform(self, model: Any) -> None:  # noqa: B027  most models need to know nothing
+        """Tell the model what the labels say of its settings, where it asks for them."""
+
+    def is_finished(self, number: int) -> bool:
+        """Whether the labels of a round are complete on disk."""
+        return self.store.is_complete(number)
+
+    def use(self, number: int) -> None:
+        """From now on training reads the labels of this round."""
+        if is_main_process():
+            self.store.set_current(number)
+
+    def begin(self, number: int) -> None:
+        """Clear what an interrupted refresh of this round left."""
+        self.store.begin_round(number, overwrite=True)
+
+    def refresh(self, number: int, scene_id: str, prediction: PointPrediction | None) -> None:
+        """Write the labels of one scene for one round.
+
+        Args:
+            number: The round; 0 is made without a prediction.
+            scene_id: Which scene.
+            prediction: What the network says of its points.
+        """
+        made = self.make_labels(number, scene_id, prediction)
+        self.store.write(number, scene_id, made.labels, made.ledger)
+
+    def finish(self, number: int, log: Log = print) -> None:
+        """Close a round and say how good its labels are."""
+        summary = self.summarise_round(number)
+        self.store.finish_round(number, summary)
+        log(f'labels of round {number}: {describe_round(summary)}')
+
+
+def _prepare_one(labeler: BaseLabeler, scene_id: str) -> None:
+    labeler.prepared(scene_id)
+
+
+PREPARED_VERSION = 1  # raise it when the geometry path changes, so that older caches are not read
