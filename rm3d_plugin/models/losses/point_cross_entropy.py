@@ -28,6 +28,7 @@ def point_cross_entropy(
     labels: Int[Tensor, ' points'],
     class_weights: Float[Tensor, ' classes'] | None = None,
     unlabelled_weight: float = 0.0,
+    point_weights: Float[Tensor, ' points'] | None = None,
 ) -> Float[Tensor, '']:
     """Cross-entropy averaged (by weight) over the labelled points; 0 where no point counts.
 
@@ -37,12 +38,15 @@ def point_cross_entropy(
         class_weights: Weight of each class; 1 when not given.
         unlabelled_weight: In [0, 1]. Above 0, a point without a label counts as background (the last class) with this
             weight; 0 ignores it.
+        point_weights: Further factor of each point; 1 when not given.
     """
     unlabelled = labels < 0
     background = logits.shape[1] - 1
     target = labels.masked_fill(unlabelled, background)
     weight = torch.ones_like(logits[:, 0]) if class_weights is None else class_weights.to(logits)[target]
     weight = torch.where(unlabelled, unlabelled_weight * weight, weight)
+    if point_weights is not None:
+        weight = weight * point_weights.to(logits)
     each = F.cross_entropy(logits, target, reduction='none')
     return (each * weight).sum() / weight.sum().clamp_min(1e-6)
 
@@ -63,7 +67,16 @@ class PointCrossEntropyLoss(nn.Module):
         self.balance = balance
         self.unlabelled_weight = unlabelled_weight
 
-    def forward(self, logits: Float[Tensor, 'points classes'], labels: Int[Tensor, ' points']) -> Float[Tensor, '']:
-        """Loss over the points of a batch."""
-        weights = class_balance(labels, logits.shape[1], self.balance) if self.balance else None
-        return self.loss_weight * point_cross_entropy(logits, labels, weights, self.unlabelled_weight)
+    def forward(
+        self,
+        logits: Float[Tensor, 'points classes'],
+        labels: Int[Tensor, ' points'],
+        class_weights: Float[Tensor, ' classes'] | None = None,
+        point_weights: Float[Tensor, ' points'] | None = None,
+    ) -> Float[Tensor, '']:
+        """Loss over the points of a batch; weights that are given replace those of ``balance``."""
+        if class_weights is None and self.balance:
+            class_weights = class_balance(labels, logits.shape[1], self.balance)
+        return self.loss_weight * point_cross_entropy(
+            logits, labels, class_weights, self.unlabelled_weight, point_weights
+        )

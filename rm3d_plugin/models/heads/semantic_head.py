@@ -1,0 +1,97 @@
+"""Class scores of points, and the loss that learns them from (pseudo) labels (METHOD 7, L_WSL)."""
+
+from collections.abc import Sequence
+from typing import Any, Literal, get_args
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from rm3d_plugin.models.heads.point_labels import PointLabels
+from rm3d_plugin.models.losses.point_cross_entropy import class_balance
+from rm3d_plugin.registry import MODELS
+
+Balance = Literal['none', 'frequency', 'batch']
+
+
+def frequency_weights(counts: Float[Tensor, ' classes'], power: float) -> Float[Tensor, ' classes']:
+    """Class weights count^-power, scaled so that their mean over the counted labels is 1; 1 for a class without any.
+
+    Args:
+        counts: Revealed labels of each class.
+        power: 0 weighs labels alike, 0.5 is the inverse square root, 1 gives every class the same total.
+
+    >>> frequency_weights(torch.tensor([1.0, 4.0, 0.0]), 0.5).tolist()
+    [1.6666666269302368, 0.8333333134651184, 1.0]
+    """
+    known = counts > 0
+    weights = torch.where(known, counts.double().clamp_min(1.0).pow(-power), 0.0)
+    total = (weights * counts).sum()
+    scaled = weights * (counts.sum() / total.clamp_min(1e-12))
+    return torch.where(known, scaled, 1.0).float()
+
+
+@MODELS.register_module()
+class SemanticHead(nn.Module):
+    """A linear layer on the features of points, with L_WSL.
+
+    Args:
+        in_channels: Columns of the features.
+        num_classes: C.
+        loss: L_WSL, called as ``PointCrossEntropyLoss`` is.
+        balance: Rare classes count more: 'none'; 'frequency': by the revealed labels of the whole training set (see
+            :meth:`set_class_counts`); 'batch': by the labels of each batch.
+        power: How much more: weight of a class = count^-power. 0.5: inverse square root; larger: rarer classes gain.
+        pseudo_weight: Weight of a label that the budget did not reveal, against 1 of a revealed one; smaller: trusts
+            pseudo labels less.
+        class_counts: Revealed labels of each class, where they are known beforehand.
+    """
+
+    class_counts: Tensor
+
+    def __init__(
+        self,
+        in_channels: int,
+        num_classes: int,
+        loss: dict[str, Any] | None = None,
+        balance: Balance = 'none',
+        power: float = 0.5,
+        pseudo_weight: float = 1.0,
+        class_counts: Sequence[float] | None = None,
+    ) -> None:
+        super().__init__()
+        if balance not in get_args(Balance):
+            raise ValueError(f'SemanticHead.balance: expected one of {get_args(Balance)}, got {balance!r}')
+        if pseudo_weight < 0:
+            raise ValueError(f'SemanticHead.pseudo_weight: expected 0 or more, got {pseudo_weight}')
+        self.num_classes, self.balance, self.power, self.pseudo_weight = num_classes, balance, power, pseudo_weight
+        self.linear = nn.Linear(in_channels, num_classes)
+        self.loss_part = MODELS.build({'type': 'PointCrossEntropyLoss', **(loss or {})})
+        self.register_buffer('class_counts', torch.zeros(num_classes))
+        if class_counts is not None:
+            self.set_class_counts(torch.tensor(class_counts))
+
+    def set_class_counts(self, counts: Float[Tensor, ' classes']) -> None:
+        """Tell how many labels of each class are revealed, for ``balance='frequency'``; kept in checkpoints.
+
+        Raises:
+            ValueError: There is not one count a class.
+        """
+        if counts.shape != (self.num_classes,):
+            raise ValueError(f'SemanticHead: expected {self.num_classes} class counts, got shape {tuple(counts.shape)}')
+        self.class_counts.copy_(counts)
+
+    def forward(self, features: Float[Tensor, 'points channels']) -> Float[Tensor, 'points classes']:
+        """Logits, float32."""
+        logits: Tensor = self.linear(features)
+        return logits.float()
+
+    def loss(self, logits: Float[Tensor, 'points classes'], labels: PointLabels) -> dict[str, Tensor]:
+        """``loss_wsl``; 0, with a gradient of 0, where no point is labelled."""
+        classes = None
+        if self.balance == 'batch':
+            classes = class_balance(labels.semantic, self.num_classes, self.power)
+        elif self.balance == 'frequency':
+            classes = frequency_weights(self.class_counts, self.power)
+        points = None if self.pseudo_weight == 1 else torch.where(labels.is_true, 1.0, self.pseudo_weight)
+        return {'loss_wsl': self.loss_part(logits, labels.semantic, classes, points)}

@@ -1,0 +1,181 @@
+"""The segmentor: sparse U-Net, semantic head, optional instance head, and the losses of METHOD 7."""
+
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
+
+import torch
+from jaxtyping import Float
+from mmengine.model import BaseModel
+from torch import Tensor
+
+from rm3d_plugin.models.detectors.common_points import common_rows
+from rm3d_plugin.models.heads.point_labels import PointLabels, join_point_labels
+from rm3d_plugin.models.segmentors.instance_dice import soft_instance_masks
+from rm3d_plugin.models.segmentors.point_inputs import PointInputs, point_inputs
+from rm3d_plugin.registry import MODELS
+from rm3d_plugin.structures import SceneSample
+
+_COMMON_POINTS = 1000  # METHOD 7
+
+
+class SegmentorOutput(NamedTuple):
+    """What the network computed for a batch.
+
+    Attributes:
+        logits: (N, C) class scores.
+        offsets: (N, 3) metres from each point to the centre of its instance, or None without an instance head.
+    """
+
+    logits: Float[Tensor, 'points classes']
+    offsets: Float[Tensor, 'points 3'] | None
+
+
+def _build(config: dict[str, Any] | None) -> Any:
+    return None if config is None else MODELS.build(config)
+
+
+@MODELS.register_module()
+class RM3DSegmentor(BaseModel):
+    """Semantic and instance segmentation on a sparse U-Net, trained from (pseudo) point labels.
+
+    ::
+
+        points -> backbone -> features -> semantic head -> logits (C) -> L_WSL, L_Aug
+                                  +-----> instance head -> offsets ----> L_o, L_Dice;  at test: clusters -> instances
+
+    L_Seg = L_WSL + L_Aug, L_Ins = L_Seg + L_o (+ L_Dice). Every part but the semantic head may be None; each loss holds
+    its own weight.
+
+    Args:
+        backbone: Config of a backbone with ``forward(xyz, features, batch_offsets)`` and ``out_channels``;
+            ``in_channels`` is filled in from ``inputs``.
+        num_classes: C. There is no further class for background: points of no class have no label.
+        inputs: Fields of :class:`PointInputs`: what the scans have and what of it the network sees.
+        semantic_head: Config of ``SemanticHead``; ``in_channels`` and ``num_classes`` are filled in.
+        instance_head: Config of ``PointGroupHead``, or None: semantic segmentation only.
+        aug_loss: ``JSAugLoss``, ``MSEAugLoss`` or None; needs an augmented view in the batch.
+        dice_loss: ``DiceLoss`` between soft and known masks of instances, or None; needs an instance head.
+        thing_classes: Classes that have instances.
+        predict_instances: Whether ``predict`` looks for instances, where there is an instance head.
+        predict_points: Predict class probabilities and centres of points only; the label hook sets it while it asks
+            for pseudo labels, which need no instances.
+        data_preprocessor: ``ScenePreprocessor`` by default.
+        init_cfg: As in mmengine.
+    """
+
+    def __init__(
+        self,
+        backbone: dict[str, Any],
+        num_classes: int,
+        inputs: dict[str, Any] | None = None,
+        semantic_head: dict[str, Any] | None = None,
+        instance_head: dict[str, Any] | None = None,
+        aug_loss: dict[str, Any] | None = {'type': 'JSAugLoss'},  # noqa: B006
+        dice_loss: dict[str, Any] | None = None,
+        thing_classes: Sequence[int] = (),
+        predict_instances: bool = True,
+        predict_points: bool = False,
+        data_preprocessor: dict[str, Any] | None = None,
+        init_cfg: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__(data_preprocessor or {'type': 'rm3d_plugin.ScenePreprocessor'}, init_cfg)
+        self.num_classes, self.thing_classes = num_classes, tuple(thing_classes)
+        if not set(self.thing_classes) <= set(range(num_classes)):
+            raise ValueError(f'thing_classes: expected classes 0..{num_classes - 1}, got {self.thing_classes}')
+        if dice_loss is not None and instance_head is None:
+            raise ValueError('dice_loss compares instances: give an instance_head too, or dice_loss=None')
+        self.predict_instances, self.predict_points = predict_instances, predict_points
+        settings: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in (inputs or {}).items()}
+        self.inputs = PointInputs(**settings)
+        self.backbone = MODELS.build({**backbone, 'in_channels': self.inputs.channels})
+        channels = self.backbone.out_channels
+        semantic = {'type': 'SemanticHead', **(semantic_head or {})}
+        self.semantic_head = MODELS.build({**semantic, 'in_channels': channels, 'num_classes': num_classes})
+        self.instance_head = _build(
+            None if instance_head is None else {'type': 'PointGroupHead', **instance_head, 'in_channels': channels}
+        )
+        self.aug_loss, self.dice_loss = _build(aug_loss), _build(dice_loss)
+
+    def set_class_counts(self, counts: Float[Tensor, ' classes']) -> None:
+        """Tell how many labels of each class the budget reveals; used by ``balance='frequency'``."""
+        self.semantic_head.set_class_counts(counts)
+
+    def forward(
+        self,
+        inputs: dict[str, Tensor],
+        data_samples: Sequence[SceneSample] | None = None,
+        mode: Literal['loss', 'predict', 'tensor'] = 'tensor',
+    ) -> Any:
+        """Losses by name, samples with predictions, or the plain :class:`SegmentorOutput`."""
+        if mode == 'loss':
+            return self.loss(inputs, data_samples or [])
+        if mode == 'predict':
+            return self.predict(inputs, data_samples)
+        if mode == 'tensor':
+            return self.network(inputs)
+        raise ValueError(f'mode: expected loss, predict or tensor, got {mode}')
+
+    def _features(self, points: Tensor, batch_offsets: Tensor) -> Tensor:
+        columns = point_inputs(points, batch_offsets, self.inputs)
+        features: Tensor = self.backbone(points[:, :3], columns, batch_offsets)
+        return features
+
+    def network(self, inputs: dict[str, Tensor]) -> SegmentorOutput:
+        """Run backbone and heads on a batch."""
+        features = self._features(inputs['points'], inputs['batch_offsets'])
+        offsets = None if self.instance_head is None else self.instance_head(features)
+        return SegmentorOutput(self.semantic_head(features), offsets)
+
+    def loss(self, inputs: dict[str, Tensor], data_samples: Sequence[SceneSample]) -> dict[str, Tensor]:
+        """Every term by name, weighted."""
+        labels = join_point_labels(data_samples, inputs['batch_offsets'], self.num_classes)
+        output = self.network(inputs)
+        losses: dict[str, Tensor] = self.semantic_head.loss(output.logits, labels)
+        if self.aug_loss is not None and 'aug_points' in inputs:
+            losses['loss_aug'] = self._view_loss(inputs, output.logits)
+        if self.instance_head is not None:
+            losses.update(self.instance_head.loss(output.offsets, inputs['points'][:, :3], labels))
+        if self.dice_loss is not None:
+            losses['loss_dice'] = self._mask_loss(inputs, output, labels)
+        return losses
+
+    def _view_loss(self, inputs: dict[str, Tensor], logits: Tensor) -> Tensor:
+        """Agreement of the classes with the augmented view."""
+        rows = common_rows(inputs['aug_index'], _COMMON_POINTS)
+        features = self._features(inputs['aug_points'], inputs['aug_batch_offsets'])
+        loss: Tensor = self.aug_loss(logits[inputs['aug_index'][rows]], self.semantic_head(features[rows]))
+        return loss
+
+    def _mask_loss(self, inputs: dict[str, Tensor], output: SegmentorOutput, labels: PointLabels) -> Tensor:
+        """L_Dice averaged over the known instances."""
+        assert output.offsets is not None
+        xyz, probs = inputs['points'][:, :3], output.logits.softmax(dim=1)
+        masks = soft_instance_masks(xyz, output.offsets, probs, inputs['batch_offsets'], labels)
+        each = [self.dice_loss(mask, member) for mask, member in masks]
+        return torch.stack(each).mean() if each else 0.0 * (output.logits.sum() + output.offsets.sum())
+
+    @torch.no_grad()
+    def predict(
+        self, inputs: dict[str, Tensor], data_samples: Sequence[SceneSample] | None = None
+    ) -> list[SceneSample]:
+        """Fill in the predictions of every scene; fresh samples where none are given. Predictions lie on the CPU."""
+        output = self.network(inputs)
+        probs, xyz = output.logits.softmax(dim=1).cpu(), inputs['points'][:, :3].cpu()
+        offsets = None if output.offsets is None else output.offsets.cpu()
+        bounds = inputs['batch_offsets'].tolist()
+        samples = [SceneSample() for _ in bounds[1:]] if data_samples is None else list(data_samples)
+        for sample, first, last in zip(samples, bounds[:-1], bounds[1:], strict=True):
+            rows = slice(first, last)
+            sample.pred_point_probs = probs[rows].clone()
+            if offsets is None:
+                continue
+            sample.pred_point_centers = xyz[rows] + offsets[rows]
+            if self.predict_instances and not self.predict_points:
+                self._fill_instances(sample, xyz[rows], offsets[rows], probs[rows])
+        return samples
+
+    def _fill_instances(self, sample: SceneSample, xyz: Tensor, offsets: Tensor, probs: Tensor) -> None:
+        found = self.instance_head.instances(xyz, offsets, probs, self.thing_classes)
+        sample.pred_instance_masks = torch.from_numpy(found.masks)
+        sample.pred_instance_labels = torch.from_numpy(found.labels)
+        sample.pred_instance_scores = torch.from_numpy(found.scores)
