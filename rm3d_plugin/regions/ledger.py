@@ -31,6 +31,8 @@ class MergeLedger:
         M_scale: (E,) similarity of extents.
         M_des: (E,) affinity of normals and descriptors.
         M_seg: (E,) similarity of the network's softmax.
+        A_n: (E,) |cosine| of the mean normals, a part of M_des.
+        A_des: (E,) cosine of the mean descriptors, the other part.
         S: (E,) weighted sum of the terms.
         Sbar: (E,) S over the sum of the weights.
         threshold: (E,) what S (literal) or Sbar (normalised) had to reach.
@@ -46,6 +48,8 @@ class MergeLedger:
     M_scale: Float[np.ndarray, ' edges']
     M_des: Float[np.ndarray, ' edges']
     M_seg: Float[np.ndarray, ' edges']
+    A_n: Float[np.ndarray, ' edges']
+    A_des: Float[np.ndarray, ' edges']
     S: Float[np.ndarray, ' edges']
     Sbar: Float[np.ndarray, ' edges']
     threshold: Float[np.ndarray, ' edges']

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.regions.ledger import MergeLedger, Reason
-from rm3d_plugin.regions.similarity import Similarity, region_similarity
+from rm3d_plugin.regions.similarity import PairTerms, Similarity, pair_terms, weigh
 from rm3d_plugin.regions.strategy import MergeStrategy
 from rm3d_plugin.structures import RegionGraph, Regions, number_by_first_point
 
@@ -229,13 +229,41 @@ def merge(
     classes = probabilities.shape[1]
     if classes and len(labels) and labels.max() >= classes:
         raise ValueError(f'merge: labels name class {labels.max()}, but probabilities have {classes} columns')
-    belief = region_classes(probabilities, labels, strategy.gamma)
-    similarity = region_similarity(graph, belief.probabilities, strategy, round)
-    value = similarity.mean if strategy.thresholds == 'normalised' else similarity.total
     if centers is not None:
         _check_rows(len(regions), centers=centers)
-    near = centres_near(centers, belief.classes, graph.edges, strategy)
-    a, b = graph.edges[:, 0], graph.edges[:, 1]
+    terms = pair_terms(graph, strategy)
+    return decide(graph.edges, terms, graph.curvatures, probabilities, labels, strategy, round, centers, instances)
+
+
+def decide(
+    edges: Int[np.ndarray, 'edges 2'],
+    terms: PairTerms,
+    curvatures: Float[np.ndarray, ' regions'],
+    probabilities: Float[np.ndarray, 'regions classes'],
+    labels: Int[np.ndarray, ' regions'],
+    strategy: MergeStrategy,
+    round: int,
+    centers: Float[np.ndarray, 'regions 3'] | None,
+    instances: Int[np.ndarray, ' regions'],
+) -> MergeResult:
+    """Conditions 3 and 4 on what is known of regions and edges; :func:`merge` without the geometry.
+
+    Args:
+        edges: Pairs of regions.
+        terms: What geometry and colour say of each.
+        curvatures: Of the regions; the order of seeds.
+        probabilities: As :func:`merge`; so are the rest.
+        labels: True class of each region, -1 where unknown.
+        strategy: Thresholds, terms and schedule.
+        round: Where the schedule stands.
+        centers: Pooled shifted centres, metres, or None.
+        instances: True instance of each region, -1 where unknown.
+    """
+    belief = region_classes(probabilities, labels, strategy.gamma)
+    similarity = weigh(terms, edges, belief.probabilities, strategy, round)
+    value = similarity.mean if strategy.thresholds == 'normalised' else similarity.total
+    near = centres_near(centers, belief.classes, edges, strategy)
+    a, b = edges[:, 0], edges[:, 1]
     refusals = {
         Reason.NOT_CONFIDENT: ~(belief.confident[a] & belief.confident[b]),
         Reason.OTHER_CLASS: belief.classes[a] != belief.classes[b],
@@ -243,10 +271,10 @@ def merge(
         Reason.CENTRES_APART: ~near,
     }
     allowed = ~np.any(list(refusals.values()), axis=0)
-    seeds = seed_order(graph.curvatures, labels, strategy.seed_share)
-    growth = grow(graph.edges, value, allowed, strategy.seed_threshold(), seeds, instances)
-    reason = _reasons(refusals, growth, graph.edges)
-    return MergeResult(growth.group, _ledger(graph.edges, similarity, strategy, round, growth, reason))
+    seeds = seed_order(curvatures, labels, strategy.seed_share)
+    growth = grow(edges, value, allowed, strategy.seed_threshold(), seeds, instances)
+    reason = _reasons(refusals, growth, edges)
+    return MergeResult(growth.group, _ledger(edges, terms, similarity, strategy, round, growth, reason))
 
 
 def _check_rows(expected: int, **arrays: np.ndarray) -> None:
@@ -267,6 +295,7 @@ def _reasons(refusals: dict[Reason, np.ndarray], growth: Growth, edges: np.ndarr
 
 def _ledger(
     edges: np.ndarray,
+    terms: PairTerms,
     similarity: Similarity,
     strategy: MergeStrategy,
     round: int,
@@ -280,6 +309,8 @@ def _ledger(
         M_scale=similarity.scale,
         M_des=similarity.descriptor,
         M_seg=similarity.semantics,
+        A_n=terms.normal,
+        A_des=terms.descriptor,
         S=similarity.total,
         Sbar=similarity.mean,
         threshold=np.full(len(edges), strategy.merge_threshold()),

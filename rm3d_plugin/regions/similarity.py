@@ -15,6 +15,22 @@ from rm3d_plugin.structures import RegionGraph
 LAB_CHANNELS = 3
 
 
+class PairTerms(NamedTuple):
+    """What two regions have in common by geometry and colour alone, for each edge; NaN = missing.
+
+    Attributes:
+        color: (E,) similarity of colour.
+        scale: (E,) similarity of extents.
+        normal: (E,) A_n, |cosine| of the mean normals.
+        descriptor: (E,) A_des, cosine of the mean descriptors.
+    """
+
+    color: Float[np.ndarray, ' edges']
+    scale: Float[np.ndarray, ' edges']
+    normal: Float[np.ndarray, ' edges']
+    descriptor: Float[np.ndarray, ' edges']
+
+
 class Similarity(NamedTuple):
     """The terms of S for each edge, and what they add up to.
 
@@ -90,12 +106,12 @@ def affinity(
     return np.where(there > 0, np.sqrt(squares / np.where(there > 0, there, 1)), np.nan)
 
 
-def descriptor_similarity(graph: RegionGraph, strategy: MergeStrategy) -> Float[np.ndarray, ' edges']:
+def descriptor_similarity(terms: PairTerms, strategy: MergeStrategy) -> Float[np.ndarray, ' edges']:
     """M_des: affinity of the regions' normals and mean descriptors; NaN where both parts are missing or off."""
-    normal = np.abs(cosine(graph.normals, graph.edges)) if strategy.use_normal_affinity else None
-    descriptor = cosine(graph.descriptors, graph.edges) if strategy.use_descriptor_affinity else None
+    normal = terms.normal if strategy.use_normal_affinity else None
+    descriptor = terms.descriptor if strategy.use_descriptor_affinity else None
     if normal is None and descriptor is None:
-        return np.full(len(graph.edges), np.nan)
+        return np.full(len(terms.normal), np.nan)
     return affinity(normal, descriptor, strategy.lambda_normal, strategy.lambda_descriptor)
 
 
@@ -123,24 +139,47 @@ def combine(terms: Float[np.ndarray, 'terms edges'], weights: TermWeights) -> tu
     return total, np.where(norm > 0, total / np.where(norm > 0, norm, 1), 0.0)
 
 
-def region_similarity(
-    graph: RegionGraph, probabilities: Float[np.ndarray, 'regions classes'], strategy: MergeStrategy, round: int
+def pair_terms(graph: RegionGraph, strategy: MergeStrategy) -> PairTerms:
+    """What every edge of a graph says before any weight."""
+    edges = graph.edges
+    color = np.full(len(edges), np.nan)
+    if graph.colors is not None:
+        sigma = strategy.color_sigma if graph.colors.shape[1] == LAB_CHANNELS else strategy.intensity_sigma
+        color = color_similarity(graph.colors, edges, sigma)
+    return PairTerms(
+        color=color,
+        scale=scale_similarity(graph.extents, edges),
+        normal=np.abs(cosine(graph.normals, edges)),
+        descriptor=cosine(graph.descriptors, edges),
+    )
+
+
+def weigh(
+    terms: PairTerms,
+    edges: Int[np.ndarray, 'edges 2'],
+    probabilities: Float[np.ndarray, 'regions classes'],
+    strategy: MergeStrategy,
+    round: int,
 ) -> Similarity:
-    """Every term, S and Sbar for each edge of the graph.
+    """Add the network's term, and weigh; a term that is switched off is known, but weighs nothing.
 
     Args:
-        graph: Regions with features and edges.
+        terms: What geometry and colour say of each edge.
+        edges: Pairs of regions.
         probabilities: Pooled softmax, NaN rows where the network saw nothing.
         strategy: Which terms count and how.
         round: Where the weights stand in their schedule.
     """
-    edges, missing = graph.edges, np.full(len(graph.edges), np.nan)
-    color = missing
-    if graph.colors is not None:
-        sigma = strategy.color_sigma if graph.colors.shape[1] == LAB_CHANNELS else strategy.intensity_sigma
-        color = color_similarity(graph.colors, edges, sigma)
-    scale = scale_similarity(graph.extents, edges)
-    descriptor = descriptor_similarity(graph, strategy) if strategy.use_descriptor else missing
+    missing = np.full(len(edges), np.nan)
+    descriptor = descriptor_similarity(terms, strategy)
     semantics = semantic_similarity(probabilities, edges, strategy.lambda_seg) if probabilities.shape[1] else missing
-    total, mean = combine(np.stack([color, scale, descriptor, semantics]), strategy.weights(round))
-    return Similarity(color, scale, descriptor, semantics, total, mean)
+    rows = np.stack([terms.color, terms.scale, descriptor, semantics])
+    total, mean = combine(rows, strategy.weights(round))
+    return Similarity(terms.color, terms.scale, descriptor, semantics, total, mean)
+
+
+def region_similarity(
+    graph: RegionGraph, probabilities: Float[np.ndarray, 'regions classes'], strategy: MergeStrategy, round: int
+) -> Similarity:
+    """Every term, S and Sbar for each edge of the graph; see :func:`weigh`."""
+    return weigh(pair_terms(graph, strategy), graph.edges, probabilities, strategy, round)

@@ -44,7 +44,6 @@ class MergeStrategy:
         use_semantics: Keep the network's term.
         use_normal_affinity: Keep the normals within the affinity.
         use_descriptor_affinity: Keep the descriptors within the affinity.
-        neighbors: Nearest adjacent regions that become edges of the graph.
         permanent: True keeps every label once given; False demotes those that lose the network's support.
         demote_margin: A label falls when its class's pooled probability is under ``gamma - demote_margin``.
         pooling: 'mean' of the points' softmax over a region, or their 'max' per class, renormalised (as printed).
@@ -54,6 +53,14 @@ class MergeStrategy:
             one number for all classes, one a class (None: not asked for that class), or None: never asked.
         rounds: Rounds in which the weights go from (1, 1, 1, 0) to (0, 0, 0, 1).
         seed_share: Share of the regions, flattest first, that are seeds beside the labelled ones.
+        quota: Class-balanced self-training (Zou et al., ECCV 2018): in the first round with predictions each scene
+            takes, class by class, only its most confident network-given groups, up to this share of their points; the
+            share grows by round to 1. Smaller: slower and purer. None: every confident group at once.
+        quota_ranges: Lower ends of range bins, metres from the sensor, each with a quota of its own; (): one bin.
+        hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
+            neither trained on nor used for merging; 0: no check. Segmentation only.
+        hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
+            exceeds the former round's by more than this; larger: fewer rounds are rolled back.
 
     Raises:
         ValueError: A value is out of its range; the message names the field.
@@ -73,7 +80,6 @@ class MergeStrategy:
     use_semantics: bool = True
     use_normal_affinity: bool = True
     use_descriptor_affinity: bool = True
-    neighbors: int = 8
     permanent: bool = True
     demote_margin: float = 0.15
     pooling: Pooling = 'mean'
@@ -82,6 +88,10 @@ class MergeStrategy:
     centre_distance: float | tuple[float | None, ...] | None = None
     rounds: int = 8
     seed_share: float = 0.002
+    quota: float | None = None
+    quota_ranges: tuple[float, ...] = ()
+    hold_in: float = 0.0
+    hold_in_margin: float = 0.05
 
     def __post_init__(self) -> None:
         for name in ('tau_merge', 'tau_seed'):
@@ -95,9 +105,14 @@ class MergeStrategy:
         self._check('demote_margin', 0 <= self.demote_margin <= self.gamma, 'in [0, gamma]')
         for name in ('color_sigma', 'intensity_sigma'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
-        for name in ('neighbors', 'rounds'):
-            self._check(name, isinstance(getattr(self, name), int) and getattr(self, name) >= 1, 'an integer >= 1')
+        self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
+        self._check('quota', self.quota is None or 0 < self.quota <= 1, 'a share in (0, 1], or None')
+        object.__setattr__(self, 'quota_ranges', tuple(self.quota_ranges))
+        rising = all(a < b for a, b in zip(self.quota_ranges, self.quota_ranges[1:], strict=False))
+        self._check('quota_ranges', rising and all(r >= 0 for r in self.quota_ranges), 'rising metres >= 0')
+        self._check('hold_in', 0 <= self.hold_in < 1, 'a share in [0, 1)')
+        self._check('hold_in_margin', 0 <= self.hold_in_margin <= 1, 'a share in [0, 1]')
         if isinstance(self.centre_distance, list):  # a config file knows no tuples in JSON
             object.__setattr__(self, 'centre_distance', tuple(self.centre_distance))
         distances = self.centre_distance if isinstance(self.centre_distance, tuple) else (self.centre_distance,)
@@ -113,6 +128,9 @@ class MergeStrategy:
     def weights(self, round: int) -> TermWeights:
         """The weights of one round: (1, 1, 1, 0) in round 0, (0, 0, 0, 1) in the last.
 
+        Where the terms that are left would all weigh nothing (the last round without the network's term), a weighted
+        mean still has a limit, in which they weigh alike; 'normalised' takes it, a printed sum of nothing stays 0.
+
         Args:
             round: 0 .. rounds.
 
@@ -123,12 +141,22 @@ class MergeStrategy:
             raise ValueError(f'MergeStrategy.weights: expected a round in 0..{self.rounds}, got {round}')
         t = round / self.rounds
         geometry, semantics = (1.0 - t, t) if self.weight_balancing else (1.0, 1.0)
-        return TermWeights(
-            color=geometry * self.use_color,
-            scale=geometry * self.use_scale,
-            descriptor=geometry * self.use_descriptor,
-            semantics=semantics * self.use_semantics,
-        )
+        switches = (self.use_color, self.use_scale, self.use_descriptor, self.use_semantics)
+        weights = TermWeights(*(y * on for y, on in zip((*[geometry] * 3, semantics), switches, strict=True)))
+        if self.thresholds == 'normalised' and not any(weights):
+            return TermWeights(*map(float, switches))
+        return weights
+
+    def quota_share(self, round: int) -> float:
+        """Share of the network-given points that a round may take: ``quota`` in round 1, 1 in the last refresh.
+
+        Args:
+            round: 0 .. rounds.
+        """
+        if self.quota is None:
+            return 1.0
+        steps = max(self.rounds - 2, 1)  # refreshes after the first; the last has the number rounds - 1
+        return self.quota + (1.0 - self.quota) * min(max((round - 1) / steps, 0.0), 1.0)
 
     def merge_threshold(self) -> float:
         """Condition 3's limit for the value that :attr:`thresholds` compares."""

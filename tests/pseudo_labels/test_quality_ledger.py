@@ -73,6 +73,8 @@ def ledger():
         M_scale=np.array([0.5, 1.0]),
         M_des=np.array([0.75, 0.25]),
         M_seg=np.array([1.0, 0.5]),
+        A_n=np.array([1.0, 0.25]),
+        A_des=np.array([0.5, 0.25]),
         S=np.array([1.5, 1.0]),
         Sbar=np.array([0.75, 0.5]),
         threshold=np.array([0.625, 0.625]),
