@@ -4,5 +4,18 @@ from rm3d_plugin.datasets import samplers as samplers
 from rm3d_plugin.datasets import transforms as transforms
 from rm3d_plugin.datasets.base import DatasetNotFoundError, SceneDataset, Truth
 from rm3d_plugin.datasets.kitti import KittiDataset
+from rm3d_plugin.datasets.s3dis import S3DISDataset
+from rm3d_plugin.datasets.scannet import ScanNetDataset
+from rm3d_plugin.datasets.segmentation import SegmentationDataset
 
-__all__ = ['DatasetNotFoundError', 'KittiDataset', 'SceneDataset', 'Truth', 'samplers', 'transforms']
+__all__ = [
+    'DatasetNotFoundError',
+    'KittiDataset',
+    'S3DISDataset',
+    'ScanNetDataset',
+    'SceneDataset',
+    'SegmentationDataset',
+    'Truth',
+    'samplers',
+    'transforms',
+]

@@ -46,9 +46,6 @@ class SegmentationDataset(SceneDataset):
         ValueError: A choice that there is not.
     """
 
-    thing_names: tuple[str, ...] = ()
-    """Classes that have instances, where the constructor is not told otherwise."""
-
     def __init__(
         self, split: str, voxel_thin: float | None = None, cache: str | Path | None = None, **base: Any
     ) -> None:
@@ -77,8 +74,8 @@ class SegmentationDataset(SceneDataset):
 
     @property
     def thing_classes(self) -> tuple[int, ...]:
-        """Numbers of the classes that have instances."""
-        return tuple(number for number, name in enumerate(self.classes) if name in self.thing_names)
+        """Numbers of the classes that have instances; () where the data set has none."""
+        return ()
 
     def load_cloud(self, index: int) -> PointCloud:
         """The points of a scene, thinned where asked for; in the order of the files."""
