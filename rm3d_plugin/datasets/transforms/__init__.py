@@ -2,20 +2,38 @@
 
 from rm3d_plugin.datasets.transforms.augmented_view import AugmentedView, ViewSettings, augmented_view
 from rm3d_plugin.datasets.transforms.geometric import GlobalRotScale, RandomFlipY, flip_y, rotate_scale
+from rm3d_plugin.datasets.transforms.indoor import (
+    ColorAutoContrast,
+    ColorDrop,
+    ColorJitter,
+    ElasticDistortion,
+    RandomCrop,
+    auto_contrast,
+    crop_rows,
+    elastic,
+)
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
 from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, select_points
 
 __all__ = [
     'AugmentedView',
+    'ColorAutoContrast',
+    'ColorDrop',
+    'ColorJitter',
     'DropGround',
+    'ElasticDistortion',
     'GlobalRotScale',
     'LabelledObjectPaste',
     'LimitPoints',
     'PackScene',
+    'RandomCrop',
     'RandomFlipY',
     'ViewSettings',
     'augmented_view',
+    'auto_contrast',
+    'crop_rows',
+    'elastic',
     'flip_y',
     'pack_scene',
     'rotate_scale',

@@ -11,6 +11,15 @@ from rm3d_plugin.datasets.transforms.geometric import turned
 from rm3d_plugin.datasets.transforms.points import random_subset
 from rm3d_plugin.registry import TRANSFORMS
 
+Wave = tuple[float, float]
+_GREY = 0.5  # no colour, to the network
+_RGB_OF = {6: slice(3, 6), 7: slice(4, 7)}  # columns of points with colour: x, y, z, (intensity,) r, g, b
+
+
+def rgb_columns(points: Float[np.ndarray, 'points channels']) -> slice | None:
+    """Where the colours stand among the columns of points; None where the scan has none."""
+    return _RGB_OF.get(points.shape[1])
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -35,9 +44,11 @@ class ViewSettings:
         scale: Least and greatest factor.
         jitter: Standard deviation of each coordinate's noise, metres; cut off at three times that.
         keep: Least and greatest share of points that stay.
-        elastic: (grid cell, greatest shift) in metres, or None; warps objects smoothly.
+        elastic: (grid cell, greatest shift) in metres, or several such waves, or None; warps objects smoothly.
         channel_jitter: Standard deviation of one shift and one factor for intensity and colour; results are clipped
             to [0, 1].
+        channel_noise: Standard deviation of each point's own shift of intensity and colour.
+        color_drop: Chance that the view is grey.
     """
 
     rot: tuple[float, float] = (-np.pi, np.pi)
@@ -45,18 +56,29 @@ class ViewSettings:
     scale: tuple[float, float] = (0.9, 1.1)
     jitter: float = 0.005
     keep: tuple[float, float] = (0.5, 0.8)
-    elastic: tuple[float, float] | None = None
+    elastic: Wave | tuple[Wave, ...] | None = None
     channel_jitter: float = 0.05
+    channel_noise: float = 0.0
+    color_drop: float = 0.0
 
     def __post_init__(self) -> None:
         for name, least in (('rot', -np.inf), ('scale', 0.0), ('keep', 0.0)):
             low, high = getattr(self, name)
             if not least < low <= high:
                 raise ValueError(f'AugmentedView.{name}: expected least then greatest above {least}, got {low}, {high}')
-        if self.keep[1] > 1 or not 0 <= self.flip_prob <= 1 or self.jitter < 0 or self.channel_jitter < 0:
+        shares, deviations = (self.flip_prob, self.color_drop), (self.jitter, self.channel_jitter, self.channel_noise)
+        if self.keep[1] > 1 or min(shares) < 0 or max(shares) > 1 or min(deviations) < 0:
             raise ValueError(f'AugmentedView: a share lies outside [0, 1] or a deviation below 0 in {self}')
-        if self.elastic is not None and min(self.elastic) <= 0:
+        if any(len(wave) != 2 or min(wave) <= 0 for wave in self.waves):
             raise ValueError(f'AugmentedView.elastic: expected two lengths in metres, got {self.elastic}')
+
+    @property
+    def waves(self) -> tuple[Wave, ...]:
+        """The elastic waves, each a grid cell and a greatest shift in metres."""
+        if not self.elastic:
+            return ()
+        many: Any = self.elastic if isinstance(self.elastic[0], (tuple, list)) else (self.elastic,)
+        return tuple(many)
 
 
 def augmented_view(
@@ -77,8 +99,8 @@ def augmented_view(
     view = points[index].copy()
     xyz = view[:, :3].astype(np.float64)
     middle = np.zeros(3) if len(xyz) == 0 else 0.5 * (xyz.min(axis=0) + xyz.max(axis=0))
-    if settings.elastic is not None:
-        xyz = xyz + elastic_shift(xyz, *settings.elastic, rng)
+    for cell, magnitude in settings.waves:
+        xyz = xyz + elastic_shift(xyz, cell, magnitude, rng)
     xyz = turned(xyz - middle, rng.uniform(*settings.rot))
     xyz[:, :2] *= np.where(rng.random(2) < settings.flip_prob, -1.0, 1.0)
     xyz *= rng.uniform(*settings.scale)
@@ -87,7 +109,18 @@ def augmented_view(
     if view.shape[1] > 3:
         shift, factor = rng.normal(0.0, settings.channel_jitter, size=(2, view.shape[1] - 3))
         view[:, 3:] = np.clip(view[:, 3:] * (1 + factor) + shift, 0.0, 1.0)
+        _spoil_channels(view, settings, rng)
     return View(view, index)
+
+
+def _spoil_channels(view: Float[np.ndarray, 'kept channels'], settings: ViewSettings, rng: np.random.Generator) -> None:
+    """Noise on each value, or no colour at all, in place; what is switched off draws no numbers."""
+    if settings.channel_noise > 0:
+        noise = rng.normal(0.0, settings.channel_noise, (len(view), view.shape[1] - 3))
+        view[:, 3:] = np.clip(view[:, 3:] + noise, 0.0, 1.0)
+    columns = rgb_columns(view)
+    if settings.color_drop > 0 and rng.random() < settings.color_drop and columns is not None:
+        view[:, columns] = _GREY
 
 
 def elastic_shift(
