@@ -7,6 +7,7 @@ from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.s3dis import S3DISDataset
 from rm3d_plugin.datasets.scannet import ScanNetDataset
 from rm3d_plugin.datasets.segmentation import SegmentationDataset
+from rm3d_plugin.datasets.vkitti import VKITTI3DDataset
 
 __all__ = [
     'DatasetNotFoundError',
@@ -16,6 +17,7 @@ __all__ = [
     'SceneDataset',
     'SegmentationDataset',
     'Truth',
+    'VKITTI3DDataset',
     'samplers',
     'transforms',
 ]

@@ -33,7 +33,7 @@ COLUMNS = ('x', 'y', 'z', 'red', 'green', 'blue')
 FAR = 1e3  # m; nearer, float32 keeps 0.1 mm
 MOST_REPAIRS = 20  # of one file; with more, the file is broken and not merely smudged
 _NAME = re.compile(r'(?P<name>[A-Za-z]+)_(?P<number>\d+)(?P<copy> ?\(\d+\))?')
-_CONTROL = re.compile(rb'[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\xff]')
+_STRAY = re.compile(rb'[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\xff]')
 
 
 class ObjectFile(NamedTuple):
@@ -91,8 +91,8 @@ def list_objects(folder: Path) -> list[ObjectFile]:
 def read_object(path: Path) -> Float[np.ndarray, 'points 6']:
     """Rows x, y, z, red, green, blue of one object, colours from 0 to 255.
 
-    A stray byte (the release has ``185<NUL>187`` in Area 5) is read as a blank, or as nothing, where only one of the
-    two makes the line six numbers; a warning tells file and line.
+    A line with a stray byte (the release has ``185<NUL>187`` in Area 5) is repaired where only one reading makes it six
+    numbers; a warning tells file and line.
 
     Raises:
         SceneError: The file holds no points, or a line is not six finite numbers with colours from 0 to 255.
@@ -139,10 +139,15 @@ def read_room(objects: Sequence[ObjectFile]) -> Room:
 
 
 def _repaired(line: bytes) -> bytes | None:
-    """The line without its stray bytes, where there is one way to read it; None where it cannot be told."""
-    if not _CONTROL.search(line):
+    """The line without its stray bytes, where there is one way to read it; None where it cannot be told.
+
+    The release's stray bytes are characters that lost the bit 0x20: NUL was a blank, 0x10 to 0x19 were digits. Others
+    are read as blanks.
+    """
+    if not _STRAY.search(line):
         return None
-    readings = {tuple(_CONTROL.sub(filler, line).split()) for filler in (b' ', b'')}
+    restored = _STRAY.sub(lambda match: bytes([match[0][0] | 0x20]), line)
+    readings = {tuple(reading.split()) for reading in (restored, _STRAY.sub(b' ', line))}
     good = [words for words in readings if len(words) == 6 and all(_is_number(word) for word in words)]
     return b' '.join(good[0]) if len(good) == 1 else None
 

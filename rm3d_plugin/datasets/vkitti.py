@@ -1,0 +1,177 @@
+"""vKITTI 3D (point clouds of Virtual KITTI for semantic segmentation) in its native layout."""
+
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from rm3d_plugin.datasets.base import BadScenes, DatasetNotFoundError, Labels
+from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, make_cloud
+from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.structures import UNLABELLED, SceneError
+
+CLASSES = (
+    'terrain',
+    'tree',
+    'vegetation',
+    'building',
+    'road',
+    'guardrail',
+    'trafficsign',
+    'trafficlight',
+    'pole',
+    'misc',
+    'truck',
+    'car',
+    'van',
+)
+DONT_CARE = 13  # label of version 2 for points behind car windows
+FOLDS = (1, 2, 3, 4, 5, 6)
+Split = Literal['train', 'test']
+# Frames of Virtual KITTI's sequences that make up each fold, first and last.
+FRAMES = {'0001': ((0, 170, 1), (230, 420, 2)), '0002': ((0, 232, 3),), '0018': ((30, 338, 4),)} | {
+    '0020': ((80, 444, 5), (500, 800, 6))
+}
+_LAYOUT = """
+    {root}/
+      01/   0001_00000.npy  0001_00012.npy ...    rows of x y z r g b label
+      02/   ...
+      03/  04/  05/  06/
+
+    or, as the data set's own tools write it, by sequence: 0001/00000.npy ..., 0002/, 0018/, 0020/
+"""
+
+
+@DATASETS.register_module()
+class VKITTI3DDataset(SegmentationDataset):
+    """vKITTI 3D: one frame, one scene; six folds, 13 classes, no instances. x forward, y left, z up.
+
+    Args:
+        data_root: Folder that holds ``01`` to ``06`` (or ``0001``, ``0002``, ``0018``, ``0020``).
+        split: 'test': the frames of ``test_fold``; 'train': those of the other folds.
+        test_fold: 1 to 6; six-fold cross-validation takes each in turn.
+        labels: See :class:`SceneDataset`.
+        label_store: See :class:`SceneDataset`.
+        pipeline: See :class:`SceneDataset`.
+        classes: Names of the 13 classes, in this order: terrain, tree, vegetation, building, road, guardrail,
+            trafficsign, trafficlight, pole, misc, truck, car, van.
+        voxel_thin: See :class:`SegmentationDataset`.
+        bad_scenes: See :class:`SceneDataset`.
+        seed: See :class:`SceneDataset`.
+    """
+
+    def __init__(
+        self,
+        data_root: str | Path,
+        split: Split = 'train',
+        test_fold: int = 6,
+        labels: Labels = 'none',
+        label_store: str | Path | None = None,
+        pipeline: Sequence[Mapping[str, Any] | Callable[[dict[str, Any]], dict[str, Any]]] = (),
+        classes: Sequence[str] = CLASSES,
+        voxel_thin: float | None = None,
+        bad_scenes: BadScenes = 'error',
+        seed: int = 0,
+    ) -> None:
+        super().__init__(
+            split,
+            voxel_thin,
+            classes=classes,
+            pipeline=pipeline,
+            labels=labels,
+            label_store=label_store,
+            bad_scenes=bad_scenes,
+            seed=seed,
+        )
+        if split not in get_args(Split):
+            raise ValueError(f'split: expected one of {", ".join(get_args(Split))}, got {split!r}')
+        if test_fold not in FOLDS:
+            raise ValueError(f'test_fold: expected 1 to 6, got {test_fold!r}')
+        if len(self.classes) != len(CLASSES):
+            raise ValueError(f'classes: expected names for the {len(CLASSES)} classes of vKITTI, got {self.classes}')
+        self.data_root = Path(data_root)
+        self.test_fold = test_fold
+        self._paths: tuple[Path, ...] = ()
+
+    def find_scenes(self) -> tuple[str, ...]:
+        """Frames as ``01_0001_00000`` (folder and file), by folder and name."""
+        folds = find_folds(self.data_root)
+        self._paths = tuple(path for path, fold in folds if (fold == self.test_fold) == (self.split == 'test'))
+        if not self._paths:
+            root = self.data_root.resolve()
+            raise DatasetNotFoundError(
+                f'vKITTI 3D was looked for at {root}, but there is no frame of split {self.split!r}. Download it from '
+                f'https://github.com/VisualComputingInstitute/vkitti3D-dataset and lay it out so:\n'
+                f'{_LAYOUT.format(root=root)}\n'
+                'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
+            )
+        return tuple(f'{path.parent.name}_{path.stem}' for path in self._paths)
+
+    def read_scene(self, index: int) -> RawScene:
+        """Points, colours and classes of a frame; "don't care" (label 13) is -1."""
+        folder, _, name = self.scene_ids[index].partition('_')
+        table = read_frame(self.data_root / folder / f'{name}.npy')
+        colors, labels = table[:, 3:6], table[:, 6].astype(np.int64)
+        scale = 255.0 if colors.max() > 1 else 1.0  # some copies hold colours from 0 to 1
+        cloud = make_cloud(table[:, :3], colors=(colors / scale).astype(np.float32))
+        return RawScene(cloud, np.where(labels == DONT_CARE, UNLABELLED, labels))
+
+
+def find_folds(root: Path) -> list[tuple[Path, int]]:
+    """Every frame with its fold: by folder (``01`` to ``06``), or by sequence and frame number.
+
+    Folders are sequences where ``0018`` or ``0020`` is among them; frames of no fold are passed over.
+    """
+    folders = [path for path in sorted(root.glob('*')) if path.is_dir() and path.name.isdecimal()]
+    sequences = any(path.name in ('0018', '0020') for path in folders)
+    found = []
+    for folder in folders:
+        for path in sorted(folder.glob('*.npy')):
+            fold = _fold_of_frame(folder.name, path.stem) if sequences else int(folder.name)
+            if fold in FOLDS:
+                found.append((path, fold))
+    return found
+
+
+def _fold_of_frame(sequence: str, frame: str) -> int:
+    number = int(frame.rpartition('_')[2]) if frame.rpartition('_')[2].isdecimal() else -1
+    return next((fold for first, last, fold in FRAMES.get(sequence, ()) if first <= number <= last), 0)
+
+
+def read_frame(path: Path) -> Float[np.ndarray, 'points 7']:
+    """Rows x, y, z, red, green, blue, label of one ``.npy`` file, float64.
+
+    Raises:
+        SceneError: The file is missing or cut off, has other columns, or a number cannot be.
+    """
+    if not path.is_file():
+        raise SceneError(f'{path}: no such file; expected rows of x y z r g b label')
+    try:
+        table = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
+        raise SceneError(f'{path}: not readable as .npy ({error}); copy it again') from error
+    numbers = isinstance(table, np.ndarray) and np.issubdtype(table.dtype, np.number)
+    if not numbers or table.ndim != 2 or table.shape[1] != 7:
+        raise SceneError(
+            f'{path}: expected numbers of shape (N, 7), x y z r g b label, got {getattr(table, "shape", "")}'
+        )
+    if len(table) == 0:
+        raise SceneError(f'{path}: holds no points; leave the frame out')
+    table = table.astype(np.float64)
+    bad = int((~np.isfinite(table).all(axis=1)).sum())
+    if bad:
+        raise SceneError(f'{path}: {bad} of {len(table)} rows hold NaN or infinite numbers; drop them first')
+    _check_range(path, 'r, g, b', table[:, 3:6], 255, whole=False)
+    _check_range(path, 'label', table[:, 6:], DONT_CARE, whole=True)
+    return table
+
+
+def _check_range(path: Path, field: str, values: np.ndarray, most: int, whole: bool) -> None:
+    wrong = (values < 0) | (values > most) | (whole & (values % 1 != 0))
+    if wrong.any():
+        row = int(np.argwhere(wrong)[0, 0])
+        kind = 'a whole number from 0' if whole else '0'
+        raise SceneError(f'{path}, row {row}: {field}: expected {kind} to {most}, got {values[wrong][0]:g}')
