@@ -1,14 +1,17 @@
 """Labels of points on their way from groups to a finished scene."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.pseudo_labels.propagate import GroupLabels, label_groups, point_values, pool_rows, seen_rows
+from rm3d_plugin.pseudo_labels.propagate import GroupLabels, count_votes, point_values, pool_rows, seen_rows
+from rm3d_plugin.pseudo_labels.quota import within_quota
+from rm3d_plugin.pseudo_labels.record import RefreshRecord
 from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_regions
 from rm3d_plugin.regions import MergeResult, MergeStrategy, merge
-from rm3d_plugin.structures import UNLABELLED, PseudoLabels, RegionGraph, Regions
+from rm3d_plugin.structures import UNLABELLED, PointCloud, PseudoLabels, RegionGraph, Regions
 
 BOX_REGION_SHARE = 0.5  # share of a region that a revealed box must hold to name it
 
@@ -21,11 +24,19 @@ class Draft(NamedTuple):
 
 
 class Grouped(NamedTuple):
-    """Result of merging, for groups and for points."""
+    """Result of merging, for groups and for points.
+
+    Attributes:
+        merge: Groups and the ledger, which holds all that is needed to decide again.
+        groups: What each group is.
+        points: (N,) group of each point, -1 = none.
+        ranges: (N,) metres from the sensor.
+    """
 
     merge: MergeResult
     groups: GroupLabels
     points: Int[np.ndarray, ' points']
+    ranges: Float[np.ndarray, ' points']
 
 
 def check_rows(expected: int, **arrays: np.ndarray | WeakLabels | None) -> None:
@@ -36,6 +47,7 @@ def check_rows(expected: int, **arrays: np.ndarray | WeakLabels | None) -> None:
 
 
 def group_regions(
+    cloud: PointCloud,
     regions: Regions,
     graph: RegionGraph,
     truth: Truth,
@@ -44,8 +56,9 @@ def group_regions(
     strategy: MergeStrategy,
     round: int,
     class_counts: np.ndarray,
+    class_gamma: np.ndarray | None = None,
 ) -> Grouped:
-    """Merge the regions and decide the class of every group.
+    """Merge the regions and decide the class of every group; ``class_gamma`` is only put on record.
 
     Raises:
         ValueError: The predictions have no row a point or no column a class.
@@ -65,8 +78,41 @@ def group_regions(
     # What a box tells exactly shall not speak for the rest of its region.
     bounded = (truth.semantic >= 0) & (truth.seeds < 0)
     outside = pool_rows(rows, seen & ~bounded, regions.labels, count, strategy.pooling)
-    groups = label_groups(result.group, outside, regions.labels, truth.seeds, class_counts, strategy.gamma)
-    return Grouped(result, groups, point_values(result.group, regions.labels, -1))
+    ranges = sensor_ranges(cloud)
+    record = RefreshRecord(
+        curvatures=graph.curvatures,
+        ranges=regions.pool_mean(ranges[:, None])[:, 0],
+        labels=known.labels,
+        instances=known.instances,
+        probabilities=pooled.values,
+        centers=pooled_centers,
+        outside=outside.values if bounded.any() else None,
+        seen=outside.seen,
+        votes=count_votes(truth.seeds, regions.labels, count, len(class_counts)),
+        class_counts=class_counts,
+        class_gamma=class_gamma,
+        point_region=regions.labels.astype(np.int32),
+        strategy=strategy,
+        round=round,
+    )
+    ledger = replace(result.ledger, known=record.to_arrays())
+    groups = record.label(result.group, strategy.gamma)
+    return Grouped(result._replace(ledger=ledger), groups, point_values(result.group, regions.labels, -1), ranges)
+
+
+def sensor_ranges(cloud: PointCloud) -> Float[np.ndarray, ' points']:
+    """Metres from the sensor (the origin, where it is not known) to each point."""
+    origin = np.zeros(3) if cloud.sensor is None else np.asarray(cloud.sensor, dtype=np.float64)
+    return np.linalg.norm(cloud.xyz - origin, axis=1)
+
+
+def apply_quota(grouped: Grouped, strategy: MergeStrategy, round: int) -> Grouped:
+    """Leave only as many network-given groups as this round may take; all where the strategy has no quota."""
+    if strategy.quota is None:
+        return grouped
+    share = strategy.quota_share(round)
+    groups = within_quota(grouped.groups, grouped.points, share, grouped.ranges, strategy.quota_ranges)
+    return grouped._replace(groups=groups)
 
 
 def draft_of(grouped: Grouped) -> Draft:

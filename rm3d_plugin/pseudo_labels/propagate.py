@@ -75,6 +75,29 @@ def pool_rows(
     return Pooled(pooled, number)
 
 
+def count_votes(
+    labels: Int[np.ndarray, ' points'], groups: Int[np.ndarray, ' points'], count: int, classes: int
+) -> Int[np.ndarray, 'groups classes']:
+    """How often each class occurs in each group (or region); -1 votes for nothing and belongs nowhere."""
+    used = (labels >= 0) & (groups >= 0)
+    votes = np.bincount(groups[used] * classes + labels[used], minlength=count * classes)
+    return votes.reshape(count, classes)
+
+
+def majority_of_votes(
+    votes: Int[np.ndarray, 'groups classes'], class_counts: Int[np.ndarray, ' classes']
+) -> tuple[Int[np.ndarray, ' groups'], Float[np.ndarray, ' groups']]:
+    """Winner of each group and its share; see :func:`majority`."""
+    count, classes = votes.shape
+    # lexsort's last key counts most: votes, then training frequency, then the lower class.
+    rank = np.empty(classes, dtype=np.int64)
+    rank[np.lexsort((-np.arange(classes), class_counts))] = np.arange(classes)
+    best = (votes * classes + rank).argmax(axis=1) if classes else np.zeros(count, dtype=np.int64)
+    total = votes.sum(axis=1)
+    share = (votes[np.arange(count), best] if classes else total) / np.maximum(total, 1)
+    return np.where(total > 0, best, UNLABELLED).astype(np.int64), np.where(total > 0, share, 0.0)
+
+
 def majority(
     labels: Int[np.ndarray, ' points'],
     groups: Int[np.ndarray, ' points'],
@@ -92,16 +115,7 @@ def majority(
     Returns:
         (G,) int64 class, -1 where nobody voted, and (G,) share of the votes, 0 where nobody voted.
     """
-    classes = len(class_counts)
-    used = (labels >= 0) & (groups >= 0)
-    votes = np.bincount(groups[used] * classes + labels[used], minlength=count * classes).reshape(count, classes)
-    # lexsort's last key counts most: votes, then training frequency, then the lower class.
-    rank = np.empty(classes, dtype=np.int64)
-    rank[np.lexsort((-np.arange(classes), class_counts))] = np.arange(classes)
-    best = (votes * classes + rank).argmax(axis=1) if classes else np.zeros(count, dtype=np.int64)
-    total = votes.sum(axis=1)
-    share = votes[np.arange(count), best] / np.maximum(total, 1)
-    return np.where(total > 0, best, UNLABELLED).astype(np.int64), np.where(total > 0, share, 0.0)
+    return majority_of_votes(count_votes(labels, groups, count, len(class_counts)), class_counts)
 
 
 def label_groups(
@@ -122,9 +136,30 @@ def label_groups(
         class_counts: How often each class occurs among the revealed training labels; breaks ties.
         gamma: Rule (b)'s limit.
     """
+    votes = count_votes(true_labels, region_labels, len(group), len(class_counts))
+    return label_groups_by_votes(group, pooled, votes, class_counts, gamma)
+
+
+def label_groups_by_votes(
+    group: Int[np.ndarray, ' regions'],
+    pooled: Pooled,
+    votes: Int[np.ndarray, 'regions classes'],
+    class_counts: Int[np.ndarray, ' classes'],
+    gamma: float,
+) -> GroupLabels:
+    """:func:`label_groups` with the true labels counted by region already.
+
+    Args:
+        group: Group of each region.
+        pooled: Pooled softmax of each region.
+        votes: True labels of each region by class.
+        class_counts: Breaks ties.
+        gamma: Rule (b)'s limit.
+    """
     count = int(group.max(initial=-1)) + 1
-    point_groups = point_values(group, region_labels, UNLABELLED)
-    voted, share = majority(true_labels, point_groups, count, class_counts)
+    summed = np.zeros((count, votes.shape[1]), dtype=np.int64)
+    np.add.at(summed, group, votes)
+    voted, share = majority_of_votes(summed, class_counts)
     weights = pooled.seen.astype(np.float64)
     total = np.bincount(group, weights=weights, minlength=count)
     filled = np.nan_to_num(pooled.values) * weights[:, None]

@@ -10,6 +10,7 @@ from rm3d_plugin.pseudo_labels.boxes import geometric_background, region_tops, r
 from rm3d_plugin.pseudo_labels.draft import (
     Draft,
     Grouped,
+    apply_quota,
     check_rows,
     draft_of,
     group_regions,
@@ -93,13 +94,15 @@ def refresh_detection(
     xyz, background = prepared_cloud.xyz, len(priors)
     check_rows(len(xyz), regions=regions.labels, weak=weak, height_above_ground=height_above_ground)
     truth = known_by_boxes(xyz, weak, background)
+    limits = None if rules.class_gamma is None else _class_limits(rules.class_gamma, background + 1)
+    counts = _pad(class_counts, background + 1)
     grouped = group_regions(
-        regions, graph, truth, probabilities, centers, strategy, round, _pad(class_counts, background + 1)
+        prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts, limits
     )
     grouped = _split(grouped, regions, probabilities, strategy, rules)
-    if rules.class_gamma is not None:
-        limits = _class_limits(rules.class_gamma, background + 1)
+    if limits is not None:
         grouped = grouped._replace(groups=without_doubtful(grouped.groups, limits))
+    grouped = apply_quota(grouped, strategy, round)
     surely, large = _background_points(xyz, regions, priors, height_above_ground, rules)
     surely, large = (surely & (truth.seeds < 0)) | truth.shell, large & (truth.seeds < 0)
     supported = supported_points(previous, grouped, strategy)
@@ -163,7 +166,9 @@ def refresh_points(
     xyz = prepared_cloud.xyz
     check_rows(len(xyz), regions=regions.labels, weak=weak)
     truth = known_points(weak)
-    grouped = group_regions(regions, graph, truth, probabilities, centers, strategy, round, np.asarray(class_counts))
+    counts = np.asarray(class_counts)
+    grouped = group_regions(prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts)
+    grouped = apply_quota(grouped, strategy, round)
     draft = keep_previous(draft_of(grouped), previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes)
@@ -207,7 +212,7 @@ def _split(
         rules.part_share,
         rules.min_points,
     )
-    return Grouped(grouped.merge, groups, points)
+    return grouped._replace(groups=groups, points=points)
 
 
 def _background_points(

@@ -1,10 +1,13 @@
 """What was decided about each pair of adjacent regions, and why."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+KNOWN = 'known.'
 
 
 class Reason(IntEnum):
@@ -40,6 +43,8 @@ class MergeLedger:
         became_seed: (E,) bool, the region that joined let its group grow on (Condition 4).
         round: (E,) int64.
         reason: (E,) int64 :class:`Reason`.
+        known: What the decisions were made from, by name, where the writer keeps it (see
+            :class:`~rm3d_plugin.pseudo_labels.record.RefreshRecord`); needed to replay a round.
     """
 
     region_a: Int[np.ndarray, ' edges']
@@ -57,33 +62,42 @@ class MergeLedger:
     became_seed: Bool[np.ndarray, ' edges']
     round: Int[np.ndarray, ' edges']
     reason: Int[np.ndarray, ' edges']
+    known: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for column in fields(self):
-            rows = len(getattr(self, column.name))
-            if rows != len(self.region_a):
-                raise ValueError(f'MergeLedger.{column.name}: expected {len(self.region_a)} rows, got {rows}')
+        for name, column in self.columns().items():
+            if len(column) != len(self.region_a):
+                raise ValueError(f'MergeLedger.{name}: expected {len(self.region_a)} rows, got {len(column)}')
 
     def __len__(self) -> int:
         return len(self.region_a)
 
+    def columns(self) -> dict[str, np.ndarray]:
+        """One array for each column, by name."""
+        return {name: getattr(self, name) for name in _names()}
+
     def select(self, rows: np.ndarray) -> 'MergeLedger':
         """The rows that ``rows`` (integers or a boolean mask) names; ``ledger.select(ledger.accepted)``, say."""
-        return MergeLedger(**{name: column[rows] for name, column in self.to_arrays().items()})
+        return MergeLedger(**{name: column[rows] for name, column in self.columns().items()})
 
     def to_arrays(self) -> dict[str, np.ndarray]:
-        """Columns by name, for an npz file."""
-        return {column.name: getattr(self, column.name) for column in fields(self)}
+        """Columns by name, and what is known under ``known.NAME``, for an npz file."""
+        return self.columns() | {f'{KNOWN}{name}': value for name, value in self.known.items()}
 
     @classmethod
-    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> 'MergeLedger':
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> 'MergeLedger':
         """The inverse of :meth:`to_arrays`; other columns are ignored.
 
         Raises:
             ValueError: A column is missing.
         """
-        names = [column.name for column in fields(cls)]
+        names = _names()
         missing = [name for name in names if name not in arrays]
         if missing:
             raise ValueError(f'MergeLedger: columns {missing} are missing; the file is not a ledger of this version')
-        return cls(**{name: np.asarray(arrays[name]) for name in names})
+        known = {name.removeprefix(KNOWN): array for name, array in arrays.items() if name.startswith(KNOWN)}
+        return cls(**{name: np.asarray(arrays[name]) for name in names}, known=known)
+
+
+def _names() -> list[str]:
+    return [column.name for column in fields(MergeLedger) if column.name != 'known']
