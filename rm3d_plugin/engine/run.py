@@ -1,7 +1,6 @@
 """From a resolved config to a runner; what every command of ``tools/`` shares."""
 
 import argparse
-import os
 import re
 import shutil
 import sys
@@ -18,6 +17,7 @@ from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
+from rm3d_plugin.ops import _parallel
 from rm3d_plugin.registry import DATASETS, SCOPE, TASK_UTILS
 from rm3d_plugin.storage import DamagedFileError, write_json
 from rm3d_plugin.structures import SceneError
@@ -63,16 +63,8 @@ def config_of(args: argparse.Namespace) -> Config:
 
 
 def set_threads(count: int) -> None:
-    """Threads of torch and numba; 0 = one for each core this process may use.
-
-    More threads than free cores make small sparse convolutions slower, so the number is set on purpose.
-    """
-    import numba
-    import torch
-
-    free = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
-    torch.set_num_threads(count or free)
-    numba.config.NUMBA_NUM_THREADS = count or free  # what ops._parallel asks
+    """Threads of our kernels; 0 = one for each core this process may use. Torch's own operations take one thread."""
+    _parallel.set_threads(count or _parallel.free_cores())
 
 
 def train(config: Config, resume: bool = False, amp: bool = False, launcher: str = 'none') -> Path:

@@ -9,23 +9,18 @@ the same code serves AVX2, AVX-512 and ARM.
 Every sum runs in one fixed order, whatever the number of threads and the block sizes.
 """
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
-from typing import Any
-
 import numpy as np
-import torch
 from llvmlite import binding  # type: ignore[import-untyped]
 from numba import njit
 
+from rm3d_plugin.ops._parallel import Array, each_block, num_threads, take_turn
 from rm3d_plugin.ops._register_tiles import VECTOR_BYTES, forward_tile, outer_tile
-
-Array = np.ndarray[Any, Any]
 
 BLOCK_ROWS = 1024  # output rows worked on together: their sums and inputs stay in the second-level cache
 CHUNK_PAIRS = 96  # pairs per weight-gradient tile: both their rows stay in the first-level cache
+SHARE_OPERATIONS = 1.6e8  # of a thread's share, some 1.5 ms: shorter ones read the weights more often
+SMALL_OPERATIONS = 2e7  # below, a second thread costs more than it brings
+SHARE_ROWS = 64  # a share has at least so many output rows
 PART_ROWS = 8192  # rows per partial weight gradient; partial sums are added in order, so threads never race
 # Two AVX2 registers hold a vector where AVX-512 is missing, so tiles are smaller there.
 _WIDE = bool(binding.get_host_cpu_features().get('avx512f', False))
@@ -51,10 +46,9 @@ def gather_gemm(x: Array, weight: Array, pair_in: Array, pair_out: Array, starts
     channels = weight.shape[2]
     padded = _pad_columns(weight)
     out = np.zeros((n_out, padded.shape[2]), x.dtype)
-    threads = max(1, min(torch.get_num_threads(), n_out // BLOCK_ROWS))
-    edges = [n_out * i // threads for i in range(threads + 1)]
+    shares = _shares(2.0 * len(pair_in) * x.shape[1] * out.shape[1], max(1, n_out // SHARE_ROWS))
     arguments = (out, np.ascontiguousarray(x), padded.reshape(-1), pair_in, pair_out, starts)
-    in_threads(threads, threads, lambda i: _forward_rows(*arguments, edges[i], edges[i + 1]))
+    each_block(lambda turns: _forward_shares(turns, shares, *arguments), shares)
     return out if out.shape[1] == channels else out[:, :channels].copy()
 
 
@@ -75,15 +69,21 @@ def gather_outer(x: Array, grad: Array, pair_in: Array, pair_out: Array, starts:
     padded, x = _pad_columns(grad), np.ascontiguousarray(x)
     parts = max(1, len(grad) // PART_ROWS)
     out = np.zeros((parts, len(starts) - 1, x.shape[1], padded.shape[1]), x.dtype)
-    edges = [len(grad) * i // parts for i in range(parts + 1)]
-    in_threads(
-        parts,
-        torch.get_num_threads(),
-        lambda i: _outer_rows(out[i].reshape(-1), x, padded, pair_in, pair_out, starts, edges[i], edges[i + 1]),
-    )
+    groups = _shares(2.0 * len(pair_in) * x.shape[1] * padded.shape[1] / parts, len(starts) - 1)
+    flat = out.reshape(parts, -1)
+    each_block(lambda turns: _outer_shares(turns, groups, flat, x, padded, pair_in, pair_out, starts), parts * groups)
     for part in range(1, parts):
         out[0] += out[part]
     return out[0] if padded.shape[1] == channels else out[0, :, :, :channels].copy()
+
+
+def _shares(operations: float, most: int) -> int:
+    """Into how many shares to cut work for several threads; results do not depend on it."""
+    threads = num_threads()
+    if threads == 1 or operations < SMALL_OPERATIONS:
+        return 1
+    rounds = -(-operations // (threads * SHARE_OPERATIONS))  # of one share a thread
+    return max(1, min(most, int(rounds) * threads))
 
 
 def _pad_columns(array: Array) -> Array:
@@ -94,25 +94,38 @@ def _pad_columns(array: Array) -> Array:
     return np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
 
-def in_threads(count: int, threads: int, work: Callable[[int], None]) -> None:
-    if count == 1 or threads == 1:
-        for i in range(count):
-            work(i)
-    else:
-        list(_pool(os.getpid(), threads).map(work, range(count)))
-
-
-@cache
-def _pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """One pool per process: threads do not survive a fork."""
-    return ThreadPoolExecutor(threads)
-
-
 _forward_1, _forward_1_single = forward_tile(_ROWS_1, 1), forward_tile(1, 1)
 _forward_2, _forward_2_single = forward_tile(_ROWS_2, 2), forward_tile(1, 2)
 _forward_4, _forward_4_single = forward_tile(_ROWS_4, 4), forward_tile(1, 4)
 _outer_1, _outer_1_single = outer_tile(_GRAD_ROWS, 1), outer_tile(1, 1)
 _outer_2, _outer_2_single = outer_tile(_GRAD_ROWS, 2), outer_tile(1, 2)
+
+
+@njit(cache=True, nogil=True)
+def _forward_shares(
+    turns: Array, shares: int, out: Array, x: Array, w: Array, pair_in: Array, pair_out: Array, starts: Array
+) -> None:
+    share = take_turn(turns)
+    while share < shares:
+        begin, end = len(out) * share // shares, len(out) * (share + 1) // shares
+        _forward_rows(out, x, w, pair_in, pair_out, starts, begin, end)
+        share = take_turn(turns)
+
+
+@njit(cache=True, nogil=True)
+def _outer_shares(
+    turns: Array, groups: int, out: Array, x: Array, grad: Array, pair_in: Array, pair_out: Array, starts: Array
+) -> None:
+    """Shares of the weight gradient: some offsets, over one part of the rows."""
+    parts, offsets, size = len(out), len(starts) - 1, x.shape[1] * grad.shape[1]
+    share = take_turn(turns)
+    while share < parts * groups:
+        part, group = share // groups, share % groups
+        low, high = offsets * group // groups, offsets * (group + 1) // groups
+        begin, end = len(grad) * part // parts, len(grad) * (part + 1) // parts
+        own = out[part, low * size : high * size]
+        _outer_rows(own, x, grad, pair_in, pair_out, starts[low : high + 1], begin, end)
+        share = take_turn(turns)
 
 
 @njit(cache=True, nogil=True)

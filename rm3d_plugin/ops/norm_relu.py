@@ -10,9 +10,9 @@ from numba import njit
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from rm3d_plugin.ops._gather_gemm import Array, in_threads
+from rm3d_plugin.ops._parallel import Array, each_block, take_turn
 
-PART = 1 << 18  # elements per partial sum, about; partial sums are added in order, so threads change nothing
+PART = 1 << 16  # elements per partial sum, about; partial sums are added in order, so threads change nothing
 STRIP = 512  # elements of an inner loop
 
 
@@ -52,16 +52,14 @@ class _NormReLU(torch.autograd.Function):
     def forward(ctx: Any, x: Tensor, scale: Tensor, shift: Tensor, eps: float) -> tuple[Tensor, Tensor, Tensor]:
         x = x.contiguous()
         rows, gain = x.numpy(), scale.numpy().astype(np.float64)
-        sums = _channel_sums(_moments, rows)
+        sums = _channel_sums(_moments_in_turns, rows)
         mean = sums[0] / len(rows)
         variance = np.maximum(sums[1] / len(rows) - mean**2, 0)
         inverse_std = 1 / np.sqrt(variance + eps)
         factor = _strip(inverse_std * gain, rows.dtype)
         term = _strip(shift.numpy() - mean * inverse_std * gain, rows.dtype)
         out = torch.empty_like(x)
-        _each_part(
-            rows, lambda begin, end: _scale_relu(out.numpy().reshape(-1), rows.reshape(-1), factor, term, begin, end)
-        )
+        _each_part(_scale_relu_in_turns, rows, out.numpy().reshape(-1), rows.reshape(-1), factor, term)
         ctx.save_for_backward(x, scale)
         ctx.statistics = (mean, inverse_std, factor, term)
         statistics = torch.from_numpy(mean).to(x.dtype), torch.from_numpy(variance).to(x.dtype)
@@ -74,7 +72,7 @@ class _NormReLU(torch.autograd.Function):
         x, scale = ctx.saved_tensors
         mean, inverse_std, factor, term = ctx.statistics
         rows, slopes = x.numpy(), grad.contiguous().numpy().reshape(-1)
-        sums = _channel_sums(_grad_moments, rows, slopes, factor, term)
+        sums = _channel_sums(_grad_moments_in_turns, rows, slopes, factor, term)
         grad_shift = sums[0]
         grad_scale = (sums[1] - mean * sums[0]) * inverse_std
         gain = inverse_std * scale.numpy()
@@ -82,8 +80,7 @@ class _NormReLU(torch.autograd.Function):
         level = _strip(-gain * grad_shift / len(rows) - along * mean, rows.dtype)
         constants = factor, term, _strip(along, rows.dtype), level
         out = torch.empty_like(x)
-        flat = out.numpy().reshape(-1), rows.reshape(-1), slopes
-        _each_part(rows, lambda begin, end: _input_grad(*flat, *constants, begin, end))
+        _each_part(_input_grad_in_turns, rows, out.numpy().reshape(-1), rows.reshape(-1), slopes, *constants)
         return out, torch.from_numpy(grad_scale).to(scale.dtype), torch.from_numpy(grad_shift).to(scale.dtype), None
 
 
@@ -92,23 +89,59 @@ def _strip(channels: Array, dtype: Any) -> Array:
     return np.tile(channels, max(1, STRIP // len(channels))).astype(dtype)
 
 
-def _each_part(rows: Array, work: Callable[[int, int], None]) -> None:
-    """Call ``work(begin, end)`` for blocks of whole rows, counted in elements."""
-    step = _step(rows)
-    in_threads(-(-rows.size // step), torch.get_num_threads(), lambda i: work(i * step, min((i + 1) * step, rows.size)))
-
-
 def _step(rows: Array) -> int:
+    """Elements of a block: whole rows."""
     return max(1, PART // rows.shape[1]) * rows.shape[1]
 
 
-def _channel_sums(kernel: Callable[..., None], rows: Array, *others: Array) -> Array:
+def _each_part(kernel: Callable[..., None], rows: Array, *arguments: Array) -> None:
+    """Run a kernel over all blocks of the rows."""
+    step = _step(rows)
+    each_block(lambda turns: kernel(turns, step, *arguments), -(-rows.size // step))
+
+
+def _channel_sums(kernel: Callable[..., None], rows: Array, *arguments: Array) -> Array:
     channels = rows.shape[1]
     strip = len(_strip(np.zeros(channels), rows.dtype))
-    step = _step(rows)
-    sums = np.zeros((-(-rows.size // step), 2, strip))
-    _each_part(rows, lambda begin, end: kernel(sums[begin // step], rows.reshape(-1), *others, begin, end))
+    sums = np.zeros((-(-rows.size // _step(rows)), 2, strip))
+    _each_part(kernel, rows, sums, rows.reshape(-1), *arguments)
     return sums.sum(axis=0).reshape(2, -1, channels).sum(axis=1)
+
+
+@njit(cache=True, nogil=True)
+def _moments_in_turns(turns: Array, step: int, sums: Array, x: Array) -> None:
+    turn = take_turn(turns)
+    while turn < len(sums):
+        _moments(sums[turn], x, turn * step, min((turn + 1) * step, len(x)))
+        turn = take_turn(turns)
+
+
+@njit(cache=True, nogil=True)
+def _grad_moments_in_turns(
+    turns: Array, step: int, sums: Array, x: Array, grad: Array, factor: Array, term: Array
+) -> None:
+    turn = take_turn(turns)
+    while turn < len(sums):
+        _grad_moments(sums[turn], x, grad, factor, term, turn * step, min((turn + 1) * step, len(x)))
+        turn = take_turn(turns)
+
+
+@njit(cache=True, nogil=True)
+def _scale_relu_in_turns(turns: Array, step: int, out: Array, x: Array, factor: Array, term: Array) -> None:
+    turn = take_turn(turns)
+    while turn * step < len(x):
+        _scale_relu(out, x, factor, term, turn * step, min((turn + 1) * step, len(x)))
+        turn = take_turn(turns)
+
+
+@njit(cache=True, nogil=True)
+def _input_grad_in_turns(
+    turns: Array, step: int, out: Array, x: Array, grad: Array, factor: Array, term: Array, along: Array, level: Array
+) -> None:
+    turn = take_turn(turns)
+    while turn * step < len(x):
+        _input_grad(out, x, grad, factor, term, along, level, turn * step, min((turn + 1) * step, len(x)))
+        turn = take_turn(turns)
 
 
 @njit(cache=True, nogil=True)

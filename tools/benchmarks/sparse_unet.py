@@ -9,6 +9,7 @@ import torch
 from benchmarks.measure import interleaved_medians, machine, matrix_product
 from rm3d_plugin.models.backbones.layers import InverseConv, SparseConv, SparseFeatures
 from rm3d_plugin.models.backbones.sparse_unet import SparseUNet
+from rm3d_plugin.ops._parallel import set_threads
 from rm3d_plugin.ops.kernel_map import KernelSpec, VoxelLevel
 from rm3d_plugin.ops.voxelize import voxelize
 
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Median seconds, operations and rates."""
+    set_threads(args.threads)
     torch.manual_seed(0)
     xyz = room_voxels(args.voxels)
     features, offsets = torch.rand(len(xyz), 4), torch.tensor([0, len(xyz)])
