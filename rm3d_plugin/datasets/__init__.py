@@ -4,18 +4,24 @@ from rm3d_plugin.datasets import samplers as samplers
 from rm3d_plugin.datasets import transforms as transforms
 from rm3d_plugin.datasets.base import DatasetNotFoundError, SceneDataset, Truth
 from rm3d_plugin.datasets.kitti import KittiDataset
+from rm3d_plugin.datasets.oakland import OaklandDataset
 from rm3d_plugin.datasets.s3dis import S3DISDataset
 from rm3d_plugin.datasets.scannet import ScanNetDataset
 from rm3d_plugin.datasets.segmentation import SegmentationDataset
+from rm3d_plugin.datasets.semantic3d import Semantic3DDataset
+from rm3d_plugin.datasets.semantickitti import SemanticKittiDataset
 from rm3d_plugin.datasets.vkitti import VKITTI3DDataset
 
 __all__ = [
     'DatasetNotFoundError',
     'KittiDataset',
+    'OaklandDataset',
     'S3DISDataset',
     'ScanNetDataset',
     'SceneDataset',
     'SegmentationDataset',
+    'Semantic3DDataset',
+    'SemanticKittiDataset',
     'Truth',
     'VKITTI3DDataset',
     'samplers',
