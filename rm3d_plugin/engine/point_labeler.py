@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
+import torch
 from jaxtyping import Int
 
 from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction, SceneLabels
@@ -68,6 +69,11 @@ class PointLabeler(BaseLabeler):
     def class_counts(self) -> Int[np.ndarray, ' classes']:
         """Revealed points of each class."""
         return self.source.point_counts()
+
+    def inform(self, model: Any) -> None:
+        """Tell the model how often each class is revealed, where it asks for it."""
+        if hasattr(model, 'set_class_counts'):
+            model.set_class_counts(torch.from_numpy(self.class_counts))
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions and spread what is known over them."""

@@ -34,12 +34,13 @@ class PointBudgetSource(DatasetSource):
     """A few points of a segmentation data set, drawn by seed (METHOD 8), listed in a file, or clicked.
 
     Args:
-        dataset: The training split or its config; its truth is read here to reveal the drawn points, and for reports.
-            With clicks the truth need not exist.
+        dataset: The training split (a :class:`~rm3d_plugin.datasets.segmentation.SegmentationDataset`) or its config;
+            its truth is read here to reveal the drawn points, and for reports. With clicks it need not exist.
         budget: 'onept', '20pts', '0p2pct', 'scenes5pct', 'onept_instance', 'full', ..., or the fields of a
             :class:`~rm3d_plugin.label_budgets.PointAmount`: ``dict(clicks='my.csv')``, ``dict(point_list='points20')``.
         seed: Seed of the draw.
-        click_tolerance: Metres between a clicked place and the nearest point; larger: more is forgiven.
+        click_tolerance: Metres between a clicked place and the nearest point; larger: more is forgiven. None: 0.05 m,
+            and where the data set thins its points the diagonal of a voxel more.
     """
 
     def __init__(
@@ -47,12 +48,14 @@ class PointBudgetSource(DatasetSource):
         dataset: Any,
         budget: str | Mapping[str, Any] = '0p2pct',
         seed: int = 0,
-        click_tolerance: float = TOLERANCE,
+        click_tolerance: float | None = None,
     ) -> None:
         super().__init__(dataset)
         self.thing_classes = tuple(self.dataset.thing_classes)
         self._amount = point_amount(budget)
-        self._seed, self._tolerance = seed, click_tolerance
+        self._seed = seed
+        voxel = self.dataset.voxel_thin or 0.0
+        self._tolerance = TOLERANCE + 3**0.5 * voxel if click_tolerance is None else click_tolerance
         self._budget: PointBudget | None = None
         self._index = {scene: index for index, scene in enumerate(self.scene_ids)}
 
@@ -95,6 +98,11 @@ class PointBudgetSource(DatasetSource):
         except SceneError:
             return None
 
+    def rows_of(self, scene_id: str) -> Int[np.ndarray, ' original']:
+        """Row of a scene's points that stands for each point of the original file."""
+        rows: Int[np.ndarray, ' original'] = self.dataset.original_index(self._index[scene_id])
+        return rows
+
     def describe(self) -> str:
         """The budget's summary."""
         return self.budget.summary(self.classes)
@@ -125,9 +133,11 @@ class PointBudgetSource(DatasetSource):
         with bar:
             if self._amount.clicks is not None:
                 clicks = read_clicks(self._amount.clicks, self.classes)
-                return budget_from_clicks(self.scene_ids, cloud_of, clicks, self._amount, self._seed, self._tolerance)
+                return budget_from_clicks(
+                    self.scene_ids, cloud_of, clicks, self._amount, self._seed, self._tolerance, self.rows_of
+                )
             if self._amount.file is not None:
-                return import_point_list(self.scene_ids, truth_of, self._amount, self._seed)
+                return import_point_list(self.scene_ids, truth_of, self._amount, self._seed, self.rows_of)
             return draw_point_budget(self.scene_ids, truth_of, self._amount, self._seed)
 
     def _checked(self, kept: PointBudget, folder: Path) -> PointBudget:

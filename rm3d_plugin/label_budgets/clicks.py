@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from rm3d_plugin.label_budgets.audit import RevealedPoints
 from rm3d_plugin.label_budgets.base import BudgetError, class_counts
 from rm3d_plugin.label_budgets.point_amount import PointAmount
-from rm3d_plugin.label_budgets.points import PointBudget, SceneSize, checked_budget
+from rm3d_plugin.label_budgets.points import PointBudget, RowsOf, SceneSize, checked_budget
 from rm3d_plugin.storage.files import read_json, write_json, write_text
 from rm3d_plugin.structures import PointCloud
 
@@ -30,7 +30,7 @@ class Click:
         scene: Name of its scene.
         semantic: Class number.
         instance: Instance number, -1 = none.
-        index: Point number, or None where only the place is known.
+        index: Point number in the original file, or None where only the place is known.
         xyz: Place in metres, in the coordinates of the original file, or None where only the number is known.
         where: For error messages, such as ``clicks.csv line 3``.
     """
@@ -84,6 +84,7 @@ def budget_from_clicks(
     amount: PointAmount,
     seed: int,
     tolerance: float = TOLERANCE,
+    rows_of: RowsOf | None = None,
 ) -> PointBudget:
     """The budget that reveals what was clicked; the truth is not needed.
 
@@ -94,6 +95,8 @@ def budget_from_clicks(
         amount: Kept with the budget; with ``instances`` False the clicked instances are dropped.
         seed: Kept with the budget; of no other effect.
         tolerance: Metres; a place without a point so near is an error.
+        rows_of: For a thinned scene, the row of its cloud that stands for each point of the original file; clicks
+            count the points of the original file.
 
     Raises:
         BudgetError: A click is of no such scene, on no point, or contradicts another.
@@ -109,7 +112,9 @@ def budget_from_clicks(
     revealed, sizes = {}, {}
     for scene, own in by_scene.items():
         cloud = cloud_of(scene)
-        revealed[scene] = resolve_clicks(own, cloud, tolerance, amount.instances)
+        revealed[scene] = resolve_clicks(
+            own, cloud, tolerance, amount.instances, None if rows_of is None else rows_of(scene)
+        )
         number = np.unique(revealed[scene].instance[revealed[scene].instance >= 0])
         sizes[scene] = SceneSize(len(cloud), len(revealed[scene].points), len(number))
     counts = class_counts([points.semantic for points in revealed.values()])
@@ -117,14 +122,18 @@ def budget_from_clicks(
 
 
 def resolve_clicks(
-    clicks: Sequence[Click], cloud: PointCloud, tolerance: float = TOLERANCE, instances: bool = True
+    clicks: Sequence[Click],
+    cloud: PointCloud,
+    tolerance: float = TOLERANCE,
+    instances: bool = True,
+    rows: Int[np.ndarray, ' original'] | None = None,
 ) -> RevealedPoints:
-    """The points of one scene that were clicked.
+    """The points of one scene that were clicked; see :func:`budget_from_clicks` for the arguments.
 
     Raises:
         BudgetError: A click is on no point, or contradicts another on the same point.
     """
-    found = _point_numbers(clicks, cloud, tolerance)
+    found = _point_numbers(clicks, cloud, tolerance, np.arange(len(cloud)) if rows is None else rows)
     labels: dict[int, Click] = {}
     for number, click in zip(found, clicks, strict=True):
         other = labels.setdefault(number, click)
@@ -138,35 +147,41 @@ def resolve_clicks(
     return RevealedPoints(index, semantic, instance if instances else np.full_like(instance, -1))
 
 
-def clicks_of(scene: str, revealed: RevealedPoints, cloud: PointCloud) -> list[Click]:
-    """Revealed points as clicks, with their number and place."""
+def clicks_of(
+    scene: str, revealed: RevealedPoints, cloud: PointCloud, rows: Int[np.ndarray, ' original'] | None = None
+) -> list[Click]:
+    """Revealed points as clicks, with their number in the original file (see :func:`budget_from_clicks`) and place."""
+    kept = np.arange(len(cloud)) if rows is None else np.unique(rows, return_index=True)[1]  # a voxel's first point
     world = cloud.xyz[revealed.points].astype(np.float64) + np.asarray(cloud.origin)
+    numbers = kept[revealed.points].tolist()
+    labels = zip(revealed.semantic.tolist(), revealed.instance.tolist(), strict=True)
     return [
-        Click(scene, int(semantic), int(instance), int(index), (float(x), float(y), float(z)))
-        for index, semantic, instance, (x, y, z) in zip(*revealed, world, strict=True)
+        Click(scene, semantic, instance, number, (x, y, z))
+        for number, (semantic, instance), (x, y, z) in zip(numbers, labels, world.tolist(), strict=True)
     ]
 
 
-def _point_numbers(clicks: Sequence[Click], cloud: PointCloud, tolerance: float) -> list[int]:
+def _point_numbers(
+    clicks: Sequence[Click], cloud: PointCloud, tolerance: float, rows: Int[np.ndarray, ' original']
+) -> list[int]:
     places = np.array([click.xyz if click.xyz is not None else (np.nan,) * 3 for click in clicks]).reshape(-1, 3)
     local = places - np.asarray(cloud.origin)
-    nearest, distance = _nearest(cloud.xyz, local)
-    found = []
+    found, distance = _nearest(cloud.xyz, local)
     for i, click in enumerate(clicks):
-        if click.index is not None and not 0 <= click.index < len(cloud):
-            raise BudgetError(
-                f'{click.where}: scene {click.scene} has the points 0..{len(cloud) - 1}, got index {click.index}'
-            )
-        if click.index is not None and click.xyz is not None:
-            distance[i] = np.linalg.norm(cloud.xyz[click.index] - local[i])
+        if click.index is not None:
+            if not 0 <= click.index < len(rows):
+                raise BudgetError(
+                    f'{click.where}: scene {click.scene} has the points 0..{len(rows) - 1}, got index {click.index}'
+                )
+            found[i] = rows[click.index]
+            distance[i] = np.linalg.norm(cloud.xyz[found[i]] - local[i])
         if click.xyz is not None and not distance[i] <= tolerance:
             what = 'the nearest point' if click.index is None else f'point {click.index}'
             raise BudgetError(
                 f'{click.where}: {what} of scene {click.scene} is {distance[i]:.3g} m from the clicked place, more '
                 f'than {tolerance:g} m; give metres in the coordinates of the original file'
             )
-        found.append(int(nearest[i]) if click.index is None else click.index)
-    return found
+    return [int(number) for number in found]
 
 
 def _nearest(

@@ -1,6 +1,5 @@
 """Lists that others drew: points for each scene (ScanNet's data-efficient benchmark), or scenes labelled completely."""
 
-import pickle
 import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -12,15 +11,17 @@ from jaxtyping import Int
 
 from rm3d_plugin.label_budgets.base import BudgetError
 from rm3d_plugin.label_budgets.point_amount import PointAmount
-from rm3d_plugin.label_budgets.points import PointBudget, TruthOf, collect_budget
-from rm3d_plugin.storage.files import DamagedFileError, read_json
+from rm3d_plugin.label_budgets.points import PointBudget, RowsOf, TruthOf, collect_budget
+from rm3d_plugin.storage.files import read_json
 
 # What a saved mapping of names to index arrays may be made of, by the old and the new name of numpy's core.
 _ARRAY_PARTS = ('_reconstruct', 'scalar')
 _FILE_WORDS = re.compile(r'(_vh_clean_2)?(\.labels)?(\.\w+)?$')
 
 
-def import_point_list(scene_ids: Sequence[str], truth_of: TruthOf, amount: PointAmount, seed: int) -> PointBudget:
+def import_point_list(
+    scene_ids: Sequence[str], truth_of: TruthOf, amount: PointAmount, seed: int, rows_of: RowsOf | None = None
+) -> PointBudget:
     """The budget that the ``point_list`` or ``scene_list`` of an amount says.
 
     Args:
@@ -28,6 +29,8 @@ def import_point_list(scene_ids: Sequence[str], truth_of: TruthOf, amount: Point
         truth_of: The truth of a scene; each is asked for once.
         amount: Names the file.
         seed: Kept with the budget; of no other effect.
+        rows_of: For a thinned scene, the row of its points that stands for each point of the original file, which the
+            list counts.
 
     Raises:
         BudgetError: The file cannot be used, or names none of the scenes, or a point that a scene does not have.
@@ -42,14 +45,14 @@ def import_point_list(scene_ids: Sequence[str], truth_of: TruthOf, amount: Point
     _need_some(amount.point_list, set(points) & set(scene_ids), list(points), scene_ids)
 
     def choose(scene: str, semantic: np.ndarray, instance: np.ndarray) -> np.ndarray:
-        rows = np.unique(points.get(scene, np.zeros(0, dtype=np.int64)))
-        if len(rows) and (rows[0] < 0 or rows[-1] >= len(semantic)):
+        listed = points.get(scene, np.zeros(0, dtype=np.int64))
+        rows = np.arange(len(semantic)) if rows_of is None else rows_of(scene)
+        if len(listed) and (listed.min() < 0 or listed.max() >= len(rows)):
             raise BudgetError(
-                f'{amount.point_list}: scene {scene} has the points 0..{len(semantic) - 1}, but the list names '
-                f'{rows[0] if rows[0] < 0 else rows[-1]}; lists hold for the points of the original files, without '
-                'cropping or thinning'
+                f'{amount.point_list}: scene {scene} has the points 0..{len(rows) - 1}, but the list names '
+                f'{listed.min() if listed.min() < 0 else listed.max()}; is it a list for these files?'
             )
-        return rows
+        return np.unique(rows[listed])
 
     return collect_budget(scene_ids, truth_of, choose, (), amount, seed)
 
@@ -68,9 +71,10 @@ def read_point_list(path: str | Path) -> dict[str, Int[np.ndarray, ' points']]:
         raise BudgetError(f'{path}: no such list of points')
     try:
         content = _load(path)
-    except (DamagedFileError, OSError, ValueError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
+    except Exception as error:  # damage shows as anything from struct.error to UnpicklingError
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise BudgetError(
-            f'{path}: not readable as a list of points ({str(error).splitlines()[0]}); expected .pth, .npz or .json '
+            f'{path}: not readable as a list of points ({reason}); expected .pth, .npz or .json '
             'with an array of point numbers for each scene'
         ) from error
     if not isinstance(content, Mapping):

@@ -15,6 +15,7 @@ from rm3d_plugin.structures import UNLABELLED
 
 FORMAT_VERSION = 1
 TruthOf = Callable[[str], DenseTruth]
+RowsOf = Callable[[str], Int[np.ndarray, ' original']]
 
 
 class SceneSize(NamedTuple):

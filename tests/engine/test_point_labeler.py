@@ -1,0 +1,176 @@
+"""Labels of a segmentation run: spread from revealed points over regions, round by round."""
+
+import numpy as np
+import pytest
+from reference.toy_scenes import ToyRooms, make_scene
+
+from rm3d_plugin.engine import PointBudgetSource, PointLabeler, PointPrediction
+from rm3d_plugin.engine.label_report import PointTruth, describe_round, offset_errors, summarise_points
+from rm3d_plugin.label_budgets import BudgetError
+from rm3d_plugin.structures import Boxes3D, PseudoLabels
+
+
+def labeler(tmp_path, budget='20pts', seed=0, **settings):
+    return PointLabeler(
+        store=tmp_path / 'labels',
+        cache=tmp_path / 'geometry',
+        source=PointBudgetSource(ToyRooms(2), budget, seed),
+        descriptor={'type': 'AdaptedPFH', 'radius': 0.15, 'max_neighbors': 16},
+        oversegmenter={'type': 'RegionGrowing', 'threshold': 0.9, 'max_edge': 0.25, 'min_region': 10},
+        **settings,
+    )
+
+
+def certain(truth, sure=0.95):
+    """A prediction that is right everywhere."""
+    probabilities = np.full((len(truth.semantic), 3), (1 - sure) / 2, dtype=np.float32)
+    probabilities[np.arange(len(truth.semantic)), np.maximum(truth.semantic, 0)] = sure
+    return PointPrediction(probabilities, None)
+
+
+def test_revealed_points_label_their_regions_and_predictions_the_rest(tmp_path):
+    told = []
+    made = labeler(tmp_path)
+    made.start(keep=False, log=told.append)
+    assert 'Label budget' in told[0] and 'labels of round 0: coverage' in told[1]
+    first = made.store.summary(0)
+    assert 0.3 < first['coverage'] < 1 and first['precision'] > 0.9 and first['truth_known']
+    assert first['offset_error'] < 0.5
+    labels, weak = made.store.read('room0', 0), made.weak('room0')
+    shown = weak.semantic >= 0
+    np.testing.assert_array_equal(labels.point_is_true, shown)
+    np.testing.assert_array_equal(labels.semantic[shown], weak.semantic[shown])
+    assert (labels.instance[labels.semantic != 1] == -1).all()
+    made.begin(1)
+    for scene, index in made.index_of.items():
+        made.refresh(1, scene, certain(made.source.truth(index)))
+    made.finish(1, told.append)
+    second = made.store.summary(1)
+    assert second['coverage'] > first['coverage']
+    assert made.store.read_ledger('room0', 1)
+
+
+def test_the_weak_baseline_sees_the_revealed_points_alone(tmp_path):
+    made = labeler(tmp_path, spread=False)
+    made.start(keep=False, log=lambda text: None)
+    labels, weak = made.store.read('room1', 0), made.weak('room1')
+    np.testing.assert_array_equal(labels.semantic, weak.semantic)
+    np.testing.assert_array_equal(labels.instance, weak.instance)
+    assert labels.confidence.sum() == 20 and not (tmp_path / 'geometry').exists()
+    assert made.store.summary(0)['precision'] is None
+
+
+def test_complete_scenes_keep_their_labels(tmp_path):
+    made = labeler(tmp_path, 'scenes20pct', seed=1)
+    made.start(keep=False, log=lambda text: None)
+    complete, other = sorted(made.index_of, key=lambda name: name not in made.source.budget.complete)
+    labels, truth = made.store.read(complete, 0), made.source.truth(made.index_of[complete])
+    np.testing.assert_array_equal(labels.semantic, truth.semantic)
+    np.testing.assert_array_equal(labels.instance, truth.instance)
+    assert labels.complete and made.store.read(other, 0).coverage == 0
+
+
+def test_seeds_choose_the_geometry_they_are_kept_under(tmp_path):
+    kept = {}
+    for name, settings in {
+        'plain': {},
+        'other budget': {'budget': 'onept'},
+        'seeded': {'seeds': 'revealed'},
+        'other seeds': {'seeds': 'revealed', 'seed': 1},
+        'seeded again': {'seeds': 'revealed'},
+    }.items():
+        before = len(list((tmp_path / 'geometry').glob('*.npz')))
+        made = labeler(tmp_path, **settings)
+        kept[name] = made.prepared('room0').regions.labels
+        new = len(list((tmp_path / 'geometry').glob('*.npz'))) - before
+        assert new == (name in ('plain', 'seeded', 'other seeds')), name
+        seeds = made.seeds('room0')
+        assert (seeds is None) == ('seeds' not in settings)
+        if seeds is not None:
+            np.testing.assert_array_equal(seeds, np.flatnonzero(made.weak('room0').semantic >= 0))
+    np.testing.assert_array_equal(kept['plain'], kept['other budget'])
+    np.testing.assert_array_equal(kept['seeded'], kept['seeded again'])
+    with pytest.raises(ValueError, match="PointLabeler.seeds: expected one of none, revealed, got 'all'"):
+        labeler(tmp_path, seeds='all')
+
+
+def test_a_resumed_run_goes_on_with_what_is_there(tmp_path):
+    labeler(tmp_path).start(keep=False, log=lambda text: None)
+    before = (tmp_path / 'labels' / 'round_000' / 'room0.npz').stat().st_mtime_ns
+    again = labeler(tmp_path)
+    again.start(keep=True, log=lambda text: None)
+    assert (tmp_path / 'labels' / 'round_000' / 'room0.npz').stat().st_mtime_ns == before
+    with pytest.raises(BudgetError, match='resume with the settings of that run'):
+        labeler(tmp_path, 'onept').start(keep=True)
+    (tmp_path / 'labels' / 'round_000' / 'complete.json').unlink()  # killed before the round was closed
+    again.start(keep=True, log=lambda text: None)
+    assert again.is_finished(0)
+
+
+# ---------------------------------------------------------------------- the report
+
+
+def labels(semantic, instance, is_true):
+    semantic = np.array(semantic)
+    return PseudoLabels(
+        semantic=semantic,
+        instance=np.array(instance),
+        point_is_true=np.array(is_true, dtype=bool),
+        confidence=(semantic >= 0).astype(np.float32),
+        boxes=Boxes3D.empty(),
+        box_is_true=np.zeros(0, dtype=bool),
+    )
+
+
+XYZ = np.array([[0, 0, 0], [2, 0, 0], [4, 0, 0], [6, 0, 0], [0, 9, 0], [0, 9, 0]], dtype=np.float32)
+TRUTH = PointTruth(XYZ, np.array([1, 1, 1, 1, 0, -1]), np.array([0, 0, 0, 0, -1, -1]))
+
+
+def test_offset_errors_by_hand():
+    half = labels([1, 1, -1, 0, 0, 1], [3, 3, -1, -1, -1, 3], [0] * 6)  # the unknown point belongs to it too
+    sums, counts = offset_errors(half, TRUTH, 2)
+    assert counts.tolist() == [0, 2]
+    centre = np.array([2 / 3, 3.0, 0])  # of three points; the truth's is (3, 0, 0)
+    assert sums[1] == pytest.approx(2 * np.linalg.norm(centre - [3, 0, 0]))
+    perfect = labels([1, 1, 1, 1, 0, -1], [7, 7, 7, 7, -1, -1], [0] * 6)
+    assert offset_errors(perfect, TRUTH, 2).tolist() == [[0, 0], [0, 4]]
+
+
+def test_a_round_added_up_by_hand():
+    scene = labels([1, 1, 0, -1, 0, 0], [2, 2, -1, -1, -1, -1], [1, 0, 0, 0, 0, 0])
+    summary = summarise_points(iter([(scene, TRUTH), (labels([0], [-1], [0]), None)]), ('floor', 'box'))
+    assert summary['coverage'] == pytest.approx(6 / 7)
+    assert summary['precision'] == pytest.approx(2 / 3)  # of points 1, 2, 4; the first is revealed, the last unknown
+    assert summary['mean_precision'] == pytest.approx((1 / 2 + 1) / 2)
+    assert summary['offset_error'] == pytest.approx(2.0)  # centre at x = 1 instead of 3
+    assert summary['points']['floor'] == {
+        'pseudo': 4,
+        'precision': 0.5,
+        'recall': 1.0,
+        'coverage': 1.0,
+        'offset_error': None,
+    }
+    assert summary['points']['box'] == {
+        'pseudo': 1,
+        'precision': 1.0,
+        'recall': pytest.approx(1 / 3),
+        'coverage': pytest.approx(2 / 3),
+        'offset_error': pytest.approx(2.0),
+    }
+    assert summary['boxes'] == {} and summary['truth_known']
+    line = describe_round(summary)
+    assert line.startswith('coverage 85.7 %, 66.7 % right, centres of instances off by 2.00 m; floor 4 points (50 % r')
+
+
+def test_without_truth_or_scenes():
+    scene = labels([1, -1], [0, -1], [1, 0])
+    summary = summarise_points([(scene, None)], ('floor', 'box'))
+    assert summary['coverage'] == 0.5 and not summary['truth_known']
+    assert summary['precision'] is summary['mean_precision'] is summary['offset_error'] is None
+    assert summarise_points([], ('floor',))['coverage'] == 0.0
+    assert describe_round(summary).startswith('coverage 50.0 %; floor 0 points; box 0 points')
+
+
+def test_the_toy_scene_is_what_it_says():
+    scene = make_scene(0)
+    assert (scene.semantic == -1).sum() == 40 and set(np.unique(scene.instance)) == {-1, 0, 1, 2}
