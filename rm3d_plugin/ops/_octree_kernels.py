@@ -16,6 +16,14 @@ STACK = 8 * (BITS + 2)  # at most seven waiting siblings on each level
 
 
 @njit(cache=True, nogil=True)
+def gather_columns(points, order, columns):
+    """Coordinates in the given order, an axis a row."""
+    for i in range(order.shape[0]):
+        for axis in range(3):
+            columns[axis, i] = points[order[i], axis]
+
+
+@njit(cache=True, nogil=True)
 def build_nodes(codes, leaf_size):
     """Octants over sorted codes, breadth first: (start, stop, first child, children, level); chains are skipped."""
     n = codes.shape[0]
@@ -141,7 +149,7 @@ def _unwind_heap(keys, values, base, count):
 
 
 @njit(cache=True, nogil=True)
-def _sort_row(keys, values, base, count):
+def sort_row(keys, values, base, count):
     """Sort a row by (key, value)."""
     if count > SMALL_SORT:
         for root in range(count // 2 - 1, -1, -1):
@@ -210,91 +218,82 @@ def radius_block(tree, queries, rows, low, radii, margin, rules, ordered):
                 filled += whole or sq <= limit
         counts[row] = filled - begin
         if ordered:
-            _sort_row(dists, indices, begin, filled - begin)
+            sort_row(dists, indices, begin, filled - begin)
     return counts, indices[:filled].copy(), dists[:filled].copy(), visits
 
 
 @njit(cache=True, nogil=True)
-def nearest_block(tree, queries, rows, k, radii):
-    """The k nearest points within ``radii`` of ``queries[rows]``: counts, indices (M, k), squared distances, visits.
+def nearest_row(tree, x, y, z, k, limit, stack, near, keys, values):
+    """The k nearest points within ``sqrt(limit)`` of one query into ``keys`` and ``values``: how many, octants visited.
 
-    Rows ascend along the Morton curve: the k points around the previous query bound the distance of the next one's.
+    ``stack`` and ``near`` hold the octants that wait and their squared distances.
     """
     points, order, nodes, boxes, _ = tree
     xs, ys, zs = points[0], points[1], points[2]
-    counts = np.empty(rows.shape[0], dtype=np.int64)
-    indices = np.full((rows.shape[0], k), -1, dtype=np.int32)
-    dists = np.full((rows.shape[0], k), np.inf)
-    stack = np.empty(STACK, dtype=np.int32)
-    near = np.empty(STACK, dtype=np.float64)
-    last_x, last_y, last_z, last_reach = 0.0, 0.0, 0.0, np.inf
-    visits = 0
-    for row in range(rows.shape[0]):
-        x, y, z = queries[rows[row], 0], queries[rows[row], 1], queries[rows[row], 2]
-        found = 0
-        limit = radii[rows[row]] * radii[rows[row]]
-        if last_reach < np.inf:
-            moved = np.sqrt((x - last_x) ** 2 + (y - last_y) ** 2 + (z - last_z) ** 2)
-            reach = (moved + last_reach) * (1.0 + 1e-9)
-            limit = min(limit, reach * reach)
-        keys, values = dists[row], indices[row]
-        stack[0] = 0
-        near[0] = _near_sq(boxes, 0, x, y, z)
-        waiting = 1
-        while waiting > 0:
-            waiting -= 1
-            node = stack[waiting]
-            if near[waiting] > limit:
-                continue
-            visits += 1
-            start, stop, first, children = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
-            if children > 0:
-                base = waiting
-                for child in range(first, first + children):
-                    sq = _near_sq(boxes, child, x, y, z)
-                    if sq > limit:
-                        continue
-                    slot = waiting
-                    while slot > base and near[slot - 1] < sq:
-                        near[slot], stack[slot] = near[slot - 1], stack[slot - 1]
-                        slot -= 1
-                    near[slot], stack[slot] = sq, child
-                    waiting += 1
-                continue
-            for i in range(start, stop):
-                dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
-                sq = dx * dx + dy * dy + dz * dz
+    found = visits = 0
+    stack[0] = 0
+    near[0] = _near_sq(boxes, 0, x, y, z)
+    waiting = 1
+    while waiting > 0:
+        waiting -= 1
+        node = stack[waiting]
+        if near[waiting] > limit:
+            continue
+        visits += 1
+        start, stop, first, children = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
+        if children > 0:
+            base = waiting
+            for child in range(first, first + children):
+                sq = _near_sq(boxes, child, x, y, z)
                 if sq > limit:
                     continue
-                index = order[i]
-                if found < k:
-                    keys[found], values[found] = sq, index
-                    found += 1
-                    if found == k:
-                        for root in range(k // 2 - 1, -1, -1):
-                            _sift_down(keys, values, 0, root, k)
-                        limit = min(limit, keys[0])
-                elif sq < keys[0] or (sq == keys[0] and index < values[0]):
-                    keys[0], values[0] = sq, index
-                    _sift_down(keys, values, 0, 0, k)
-                    limit = keys[0]
-        counts[row] = found
-        if found == k:
-            _unwind_heap(keys, values, 0, k)
-            last_x, last_y, last_z, last_reach = x, y, z, np.sqrt(keys[k - 1])
-        else:
-            _sort_row(keys, values, 0, found)
-            last_reach = np.inf
-    return counts, indices, dists, visits
+                slot = waiting
+                while slot > base and near[slot - 1] < sq:
+                    near[slot], stack[slot] = near[slot - 1], stack[slot - 1]
+                    slot -= 1
+                near[slot], stack[slot] = sq, child
+                waiting += 1
+            continue
+        for i in range(start, stop):
+            dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
+            sq = dx * dx + dy * dy + dz * dz
+            if sq > limit:
+                continue
+            index = order[i]
+            if found < k:
+                keys[found], values[found] = sq, index
+                found += 1
+                if found == k:
+                    for root in range(k // 2 - 1, -1, -1):
+                        _sift_down(keys, values, 0, root, k)
+                    limit = min(limit, keys[0])
+            elif sq < keys[0] or (sq == keys[0] and index < values[0]):
+                keys[0], values[0] = sq, index
+                _sift_down(keys, values, 0, 0, k)
+                limit = keys[0]
+    if found == k:
+        _unwind_heap(keys, values, 0, k)
+    else:
+        sort_row(keys, values, 0, found)
+    return found, visits
 
 
 @njit(cache=True, nogil=True)
-def scatter_rows(rows, offsets, counts, stride, indices, dists, out_indices, out_dists):
-    """Copy CSR rows (stride 0) or rows of a table (its width) to where their query's row belongs."""
+def scatter_rows(rows, offsets, counts, indices, dists, out_indices, out_dists):
+    """Copy rows that follow each other to where their query's row belongs."""
     read = 0
     for row in range(rows.shape[0]):
         write = offsets[rows[row]]
         for i in range(counts[row]):
             out_indices[write + i] = indices[read + i]
             out_dists[write + i] = dists[read + i]
-        read += stride if stride > 0 else counts[row]
+        read += counts[row]
+
+
+@njit(cache=True, nogil=True)
+def pack_rows(offsets, indices, dists, out_indices, out_dists):
+    """Copy the filled heads of a table's rows into CSR."""
+    for row in range(indices.shape[0]):
+        to = offsets[row]
+        for i in range(offsets[row + 1] - to):
+            out_indices[to + i], out_dists[to + i] = indices[row, i], dists[row, i]

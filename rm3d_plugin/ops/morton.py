@@ -9,6 +9,8 @@ from jaxtyping import Float, Int, UInt64
 from numba import njit
 
 BITS = 21  # per axis; three axes fill 63 of 64 bits
+DIGIT, PASSES = 11, 6  # bits that one pass of the sort looks at, and passes
+RADIX_FROM = 1 << 12  # fewer codes are sorted by comparison
 
 
 class Grid(NamedTuple):
@@ -46,12 +48,50 @@ def _encode(points, low, scale, codes):
         codes[i] = code
 
 
+@njit(cache=True, nogil=True)
+def _bounds(points, low, high):
+    """Least and greatest coordinates."""
+    low[:], high[:] = points[0], points[0]
+    for i in range(points.shape[0]):
+        for axis in range(3):
+            low[axis] = min(low[axis], points[i, axis])
+            high[axis] = max(high[axis], points[i, axis])
+
+
+@njit(cache=True, nogil=True)
+def _radix_sort(codes, order, other_codes, other_order):
+    """Sort codes, and with them their order, by eleven bits at a time; True where the result is in the other arrays."""
+    n = codes.shape[0]
+    counts = np.zeros((PASSES, 1 << DIGIT), dtype=np.int64)
+    for i in range(n):
+        code = codes[i]
+        for turn in range(PASSES):
+            counts[turn, (code >> np.uint64(DIGIT * turn)) & np.uint64((1 << DIGIT) - 1)] += 1
+    swapped = False
+    for turn in range(PASSES):
+        count, shift = counts[turn], np.uint64(DIGIT * turn)
+        if count.max() == n:
+            continue
+        to = 0
+        for digit in range(1 << DIGIT):
+            count[digit], to = to, to + count[digit]
+        for i in range(n):
+            digit = (codes[i] >> shift) & np.uint64((1 << DIGIT) - 1)
+            to = count[digit]
+            other_codes[to], other_order[to] = codes[i], order[i]
+            count[digit] = to + 1
+        codes, other_codes, order, other_order = other_codes, codes, other_order, order
+        swapped = not swapped
+    return swapped
+
+
 def enclosing_cube(points: Float[np.ndarray, 'points 3']) -> Grid:
     """The smallest axis-parallel cube at the lowest corner of ``points`` (metres); edge 1 m for a single place."""
     if len(points) == 0:
         return Grid(np.zeros(3), 1.0)
-    low = points.min(axis=0).astype(np.float64)
-    edge = float((points.max(axis=0).astype(np.float64) - low).max())
+    low, high = np.empty(3), np.empty(3)
+    _bounds(np.ascontiguousarray(points, dtype=np.float64), low, high)
+    edge = float((high - low).max())
     return Grid(low, edge if edge > 0 else 1.0)
 
 
@@ -71,6 +111,32 @@ def morton_codes(points: Float[np.ndarray, 'points 3'], grid: Grid | None = None
     return codes
 
 
+class SortedCodes(NamedTuple):
+    """Codes along the curve.
+
+    Attributes:
+        order: (N,) int32 number of the point at each place.
+        codes: (N,) uint64 ascending.
+    """
+
+    order: Int[np.ndarray, ' points']
+    codes: UInt64[np.ndarray, ' points']
+
+
+def sort_codes(codes: UInt64[np.ndarray, ' points']) -> SortedCodes:
+    """Sort codes; equal ones keep their order."""
+    n = len(codes)
+    if (codes[1:] >= codes[:-1]).all():
+        return SortedCodes(np.arange(n, dtype=np.int32), codes)
+    if n < RADIX_FROM:
+        order = np.argsort(codes, kind='stable')
+        return SortedCodes(order.astype(np.int32), codes[order])
+    first = codes.copy(), np.arange(n, dtype=np.int32)
+    second = np.empty(n, dtype=np.uint64), np.empty(n, dtype=np.int32)
+    final = second if _radix_sort(*first, *second) else first
+    return SortedCodes(final[1], final[0])
+
+
 def morton_order(points: Float[np.ndarray, 'points 3'], grid: Grid | None = None) -> Int[np.ndarray, ' points']:
     """The order (int64 indices) that sorts points along the Morton curve; equal codes keep their order."""
-    return np.argsort(morton_codes(points, grid), kind='stable')
+    return sort_codes(morton_codes(points, grid)).order.astype(np.int64)

@@ -1,16 +1,29 @@
 """Neighbour search in a linear octree (METHOD 4; Behley et al., ICRA 2015, as improved in the paper)."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.ops._octree_kernels import bound_nodes, build_nodes, nearest_block, radius_block, scatter_rows
+from rm3d_plugin.ops._octree_groups import count_groups, nearest_groups, radius_groups
+from rm3d_plugin.ops._octree_kernels import (
+    bound_nodes,
+    build_nodes,
+    gather_columns,
+    pack_rows,
+    radius_block,
+    scatter_rows,
+)
 from rm3d_plugin.ops._parallel import map_blocks
-from rm3d_plugin.ops.morton import BITS, enclosing_cube, morton_codes, morton_order
+from rm3d_plugin.ops.morton import BITS, enclosing_cube, morton_codes, morton_order, sort_codes
 
+CHUNK = 1 << 14  # points of the tree whose neighbours are held at a time
 BLOCK = 4096  # queries that one thread answers at a time
+HELD = 1 << 17  # queries whose answers are held twice while they are put in order
 SORT_QUERIES_FROM = 64  # fewer queries are answered in the order they come
+
+Block = tuple[np.ndarray, np.ndarray, np.ndarray, int]  # counts, indices, squared distances, visited octants
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +71,9 @@ def _checked(name: str, points: np.ndarray) -> Float[np.ndarray, 'points 3']:
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f'Octree: {name}: expected shape (N, 3), got {given.shape}')
     array = np.ascontiguousarray(given, dtype=np.float64)
-    bad = int((~np.isfinite(array).all(axis=1)).sum())
-    if bad:
+    finite = np.isfinite(array)
+    if not finite.all():
+        bad = int((~finite.all(axis=1)).sum())
         raise ValueError(f'Octree: {name}: {bad} of {len(array)} rows are NaN or infinite; drop them first')
     return array if array.flags.writeable else array.copy()  # kernels are compiled for writable arrays only once
 
@@ -86,6 +100,8 @@ class Octree:
         skip_disjoint: Rule 1, an octant that does not overlap the query ball is skipped.
         stop_inside: Rule 2, a ball inside an octant ends the search when the octant is done.
         take_contained: Rule 3, an octant inside the ball gives its points without descent or test.
+        group: Queries that lie together share one descent, in which an octant is skipped when it overlaps none of
+            their balls and taken whole when it lies in all of them. False, or a rule switched off, answers each alone.
 
     Raises:
         ValueError: A shape does not fit, or a coordinate is NaN or infinite.
@@ -99,19 +115,20 @@ class Octree:
         skip_disjoint: bool = True,
         stop_inside: bool = True,
         take_contained: bool = True,
+        group: bool = True,
     ) -> None:
         if leaf_size < 1:
             raise ValueError(f'Octree: leaf_size: expected at least 1, got {leaf_size}')
         array = _checked('points', points)
         self.leaf_size = leaf_size
         self._rules = (bool(skip_disjoint), bool(stop_inside), bool(take_contained))
+        self._group = group and all(self._rules)
         self._source = points
         self._grid = enclosing_cube(array)
-        codes = morton_codes(array, self._grid)
-        order = np.argsort(codes, kind='stable')
-        codes = codes[order]
-        self.order: Int[np.ndarray, ' points'] = order.astype(np.int32)
-        columns = np.ascontiguousarray(array[order].T)
+        self.order: Int[np.ndarray, ' points']
+        self.order, codes = sort_codes(morton_codes(array, self._grid))
+        columns = np.empty((3, len(array)))
+        gather_columns(array, self.order, columns)
         if len(array):
             nodes = build_nodes(codes, leaf_size)
             boxes, cubes = bound_nodes(columns, codes, nodes, self._grid.edge)
@@ -149,34 +166,102 @@ class Octree:
         """
         if max_neighbors is not None:
             return self.hybrid(queries, r, max_neighbors)
-        array, rows = self._prepare(queries)
+        return self._radius(*self._prepare(queries), r, ordered)
+
+    def _radius(
+        self,
+        array: Float[np.ndarray, 'queries 3'],
+        rows: Int[np.ndarray, ' queries'],
+        r: float | Float[np.ndarray, ' queries'],
+        ordered: bool,
+    ) -> Neighbors:
+        """All points within ``r`` of the queries, which are answered in the order of ``rows``."""
         radii = _checked_radii(r, len(array))
         if not len(self) or not len(array):
             return _none(len(array))
         margin = 1e-6 * self._grid.edge / 2**BITS  # far above rounding, far below the smallest octant
 
-        def work(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        def work(start: int, stop: int) -> Block:
             block = rows[start:stop]
+            if self._group:
+                return radius_groups(self._tree, array, block, radii, ordered)
             return radius_block(self._tree, array, block, self._grid.low, radii, margin, self._rules, ordered)
 
-        return _assemble(map_blocks(work, len(rows), BLOCK), rows, stride=0)
+        if self._group and len(rows) > HELD:
+            return self._radius_of_many(array, rows, radii, work)
+        return _assemble(map_blocks(work, len(rows), BLOCK), rows)
+
+    def _radius_of_many(
+        self, queries: np.ndarray, rows: np.ndarray, radii: np.ndarray, work: Callable[[int, int], Block]
+    ) -> Neighbors:
+        """Counting first costs a second search, and spares to hold all answers twice."""
+        counts = np.empty(len(rows), dtype=np.int64)
+
+        def count(start: int, stop: int) -> int:
+            return int(count_groups(self._tree, queries, rows[start:stop], radii, counts))
+
+        visits = sum(map_blocks(count, len(rows), BLOCK))
+        offsets = _offsets(counts)
+        indices, sq_dists = np.empty(offsets[-1], dtype=np.int32), np.empty(offsets[-1])
+
+        def fill(start: int, stop: int) -> None:
+            found, near, dists, _ = work(start, stop)
+            scatter_rows(rows[start:stop], offsets, found, near, dists, indices, sq_dists)
+
+        map_blocks(fill, len(rows), BLOCK)
+        return Neighbors(indices, offsets, sq_dists, visits)
+
+    def around(
+        self, r: float, max_neighbors: int | None = None, ordered: bool = True, chunk: int = CHUNK
+    ) -> Iterator[tuple[Int[np.ndarray, ' some'], Neighbors]]:
+        """The neighbourhoods of the tree's own points, some at a time along the Morton curve.
+
+        The quickest way to meet all of them: memory is read and written in its order, and what was met can be let go.
+
+        Args:
+            r: Radius in metres, inclusive.
+            max_neighbors: As :meth:`radius`.
+            ordered: As :meth:`radius`.
+            chunk: Points at a time (larger: more memory).
+
+        Yields:
+            Numbers of some points, and their neighbours in that order.
+        """
+        for start in range(0, len(self), chunk):
+            members = self.order[start : start + chunk]
+            queries, rows = np.ascontiguousarray(self._tree[0][:, start : start + chunk].T), np.arange(len(members))
+            if max_neighbors is None:
+                yield members, self._radius(queries, rows, r, ordered)
+            else:
+                yield members, self._hybrid(queries, rows, r, max_neighbors)
 
     def hybrid(
         self, queries: Float[np.ndarray, 'queries 3'], r: float | Float[np.ndarray, ' queries'], max_neighbors: int
     ) -> Neighbors:
         """The nearest ``max_neighbors`` points within ``r`` metres, as :meth:`radius` with a cap."""
-        array, rows = self._prepare(queries)
-        radii = _checked_radii(r, len(array))
         if max_neighbors < 1:
             raise ValueError(f'Octree.hybrid: max_neighbors: expected at least 1, got {max_neighbors}')
+        return self._hybrid(*self._prepare(queries), r, max_neighbors)
+
+    def _hybrid(
+        self,
+        array: Float[np.ndarray, 'queries 3'],
+        rows: Int[np.ndarray, ' queries'],
+        r: float | Float[np.ndarray, ' queries'],
+        max_neighbors: int,
+    ) -> Neighbors:
+        radii = _checked_radii(r, len(array))
         if not len(self) or not len(array):
             return _none(len(array))
         k = min(max_neighbors, len(self))
-
-        def work(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-            return nearest_block(self._tree, array, rows[start:stop], k, radii)
-
-        return _assemble(map_blocks(work, len(rows), BLOCK), rows, stride=k)
+        indices, sq_dists = np.empty((len(array), k), dtype=np.int32), np.empty((len(array), k))
+        counts, visits = self._nearest(array, rows, k, radii, indices, sq_dists)
+        offsets = _offsets(counts)
+        if offsets[-1] == indices.size:
+            return Neighbors(indices.reshape(-1), offsets, sq_dists.reshape(-1), visits)
+        packed = np.empty(offsets[-1], dtype=np.int32), np.empty(offsets[-1])
+        pack_rows(offsets, indices, sq_dists, *packed)
+        return Neighbors(packed[0], offsets, packed[1], visits)
 
     def knn(self, queries: Float[np.ndarray, 'queries 3'], k: int) -> Knn:
         """The k nearest points of each query; a query that is itself a point of the tree finds itself.
@@ -191,21 +276,30 @@ class Octree:
         if k < 1:
             raise ValueError(f'Octree.knn: k: expected at least 1, got {k}')
         array, rows = self._prepare(queries)
-        indices = np.full((len(array), k), -1, dtype=np.int32)
-        sq_dists = np.full((len(array), k), np.inf)
-        if not len(self) or not len(array):
+        indices, sq_dists = np.empty((len(array), k), dtype=np.int32), np.empty((len(array), k))
+        found = min(k, len(self)) if len(array) else 0
+        indices[:, found:], sq_dists[:, found:] = -1, np.inf
+        if not found:
             return Knn(indices, sq_dists)
-        found = min(k, len(self))
         radii = np.full(len(array), np.inf)
+        return Knn(indices, sq_dists, self._nearest(array, rows, found, radii, indices, sq_dists)[1])
+
+    def _nearest(
+        self,
+        queries: np.ndarray,
+        rows: np.ndarray,
+        k: int,
+        radii: np.ndarray,
+        indices: Int[np.ndarray, 'queries k'],
+        sq_dists: Float[np.ndarray, 'queries k'],
+    ) -> tuple[Int[np.ndarray, ' queries'], int]:
+        """Fill the heads of the rows; how many each query found, and the octants visited."""
+        counts = np.empty(len(rows), dtype=np.int64)
 
         def work(start: int, stop: int) -> int:
-            block = rows[start:stop]
-            _, near, dists, visits = nearest_block(self._tree, array, block, found, radii)
-            indices[block, :found] = near
-            sq_dists[block, :found] = dists
-            return int(visits)
+            return int(nearest_groups(self._tree, queries, rows[start:stop], k, radii, counts, indices, sq_dists))
 
-        return Knn(indices, sq_dists, sum(map_blocks(work, len(rows), BLOCK)))
+        return counts, sum(map_blocks(work, len(rows), BLOCK))
 
     def _prepare(self, queries: np.ndarray) -> tuple[Float[np.ndarray, 'queries 3'], Int[np.ndarray, ' queries']]:
         """The queries as float64, and the order in which to answer them."""
@@ -221,20 +315,23 @@ def _none(queries: int) -> Neighbors:
     return Neighbors(np.zeros(0, dtype=np.int32), np.zeros(queries + 1, dtype=np.int64), np.zeros(0))
 
 
-def _assemble(
-    blocks: list[tuple[np.ndarray, np.ndarray, np.ndarray, int]], rows: Int[np.ndarray, ' queries'], stride: int
-) -> Neighbors:
+def _offsets(counts: Int[np.ndarray, ' queries']) -> Int[np.ndarray, ' queries_and_one']:
+    out = np.zeros(len(counts) + 1, dtype=np.int64)
+    np.cumsum(counts, out=out[1:])
+    return out
+
+
+def _assemble(blocks: list[Block], rows: Int[np.ndarray, ' queries']) -> Neighbors:
     """Put the answers of blocks of ``rows`` into CSR in the order of the queries."""
     counts = np.empty(len(rows), dtype=np.int64)
     counts[rows] = np.concatenate([block[0] for block in blocks])
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    offsets = _offsets(counts)
     indices = np.empty(offsets[-1], dtype=np.int32)
     sq_dists = np.empty(offsets[-1], dtype=np.float64)
     visits = sum(int(block[3]) for block in blocks)
     first = 0
     for position, (found, near, dists, _) in enumerate(blocks):
-        block = rows[first : first + len(found)]
-        scatter_rows(block, offsets, found, stride, near.reshape(-1), dists.reshape(-1), indices, sq_dists)
+        scatter_rows(rows[first : first + len(found)], offsets, found, near, dists, indices, sq_dists)
         first += len(found)
         blocks[position] = (found, near[:0], dists[:0], 0)
     return Neighbors(indices, offsets, sq_dists, visits)
