@@ -1,0 +1,237 @@
+"""Any scan file as named columns, and which column plays which part."""
+
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from rm3d_plugin.storage.las import read_las
+from rm3d_plugin.storage.pcd import read_pcd
+from rm3d_plugin.storage.ply import read_ply
+from rm3d_plugin.storage.text_table import BadTextError, parse_table
+from rm3d_plugin.structures import SceneError
+
+COLUMNS = {
+    3: 'x y z',
+    4: 'x y z intensity',
+    6: 'x y z red green blue',
+    7: 'x y z intensity red green blue',
+}
+"""What the columns of a table without names hold, by their number."""
+RGB = ('red', 'green', 'blue')
+NORMAL = ('nx', 'ny', 'nz')
+ROLES = ('x', 'y', 'z', 'intensity', *RGB, *NORMAL, 'label', 'instance')
+ALIASES = {
+    'intensity': ('intensity', 'reflectance', 'remission', 'i'),
+    'red': ('red', 'r', 'diffuse_red'),
+    'green': ('green', 'g', 'diffuse_green'),
+    'blue': ('blue', 'b', 'diffuse_blue'),
+    'nx': ('nx', 'normal_x'),
+    'ny': ('ny', 'normal_y'),
+    'nz': ('nz', 'normal_z'),
+    'label': ('label', 'labels', 'class', 'classification', 'semantic', 'semantic_label'),
+    'instance': ('instance', 'instances', 'instance_id', 'instance_label'),
+}
+"""Names under which a part is found; case does not matter, and ``scalar_`` before a name is passed over."""
+_BLOCKS = {name: tuple('xyz') for name in ('xyz', 'points', 'pos', 'coord', 'coords')}
+_BLOCKS |= {name: RGB for name in ('colors', 'color', 'rgb')} | {name: NORMAL for name in ('normals', 'normal')}
+
+ENDINGS = ('.bin', '.csv', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.txt', '.xyz')
+
+Columns = Mapping[str, int | str | None]
+"""Part -> number or name of its column; None: the file's own column of that part is not read."""
+
+
+def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.ndarray]:
+    """Every column of a scan, (N,) each, under its name.
+
+    Names come from the file (properties, fields, dimensions, keys, a header line); a table without them has those of
+    :data:`COLUMNS` where its width is one of these, else 0, 1, 2, ...
+
+    Args:
+        path: ``.ply .pcd .las .laz .npy .npz .bin .txt .xyz .csv``.
+        names: Names of a table's columns, split by blanks, - for one to pass over. Of no effect where the file has
+            names.
+
+    Raises:
+        SceneError: The file is missing, damaged or of another kind; the message names it.
+    """
+    path = Path(path)
+    readers = _readers()
+    if path.suffix.lower() not in readers:
+        raise SceneError(f'{path}: unknown ending {path.suffix!r}; expected one of {" ".join(ENDINGS)}')
+    if not path.is_file():
+        raise SceneError(f'{path}: no such file')
+    columns = readers[path.suffix.lower()](path, names)
+    for name, values in columns.items():
+        if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool):
+            raise SceneError(f'{path}: {name}: expected numbers, got {values.dtype}')
+    return columns
+
+
+def _readers() -> dict[str, Callable[[Path, str | None], dict[str, np.ndarray]]]:
+    return {
+        '.ply': lambda path, _: read_ply(path),
+        '.pcd': lambda path, _: read_pcd(path),
+        '.las': lambda path, _: read_las(path),
+        '.laz': lambda path, _: read_las(path),
+        '.npy': _npy,
+        '.npz': _npz,
+        '.bin': _bin,
+        '.txt': _text,
+        '.xyz': _text,
+        '.csv': _text,
+    }
+
+
+def find_roles(columns: Mapping[str, np.ndarray], given: Columns | None, path: Path) -> dict[str, np.ndarray]:
+    """The columns by the part they play.
+
+    Args:
+        columns: From :func:`read_columns`.
+        given: Parts that are told; the others are found by name (see :data:`ALIASES`).
+        path: Of the file, for messages.
+
+    Raises:
+        SceneError: There is no such part or column, x, y or z is missing, or one colour (normal) is without the others.
+    """
+    order = list(columns)
+    lower = {name.lower().removeprefix('scalar_'): name for name in reversed(order)}
+    out: dict[str, np.ndarray] = {}
+    for role in ROLES:
+        if given is not None and role in given:
+            name = _column_name(given[role], order, role, path)
+        else:
+            name = next((lower[alias] for alias in ALIASES.get(role, (role,)) if alias in lower), None)
+        if name is not None:
+            out[role] = columns[name]
+    unknown = sorted(set(given or ()) - set(ROLES))
+    if unknown:
+        raise SceneError(f'columns: unknown part {unknown[0]!r}; expected some of {" ".join(ROLES)}')
+    for parts in (tuple('xyz'), RGB, NORMAL):
+        missing = [part for part in parts if part not in out]
+        if missing and (parts[0] == 'x' or len(missing) < 3):
+            raise SceneError(
+                f'{path}: no column {missing[0]}, got {" ".join(order)}; '
+                'name the columns: columns=dict(x=0, y=1, z=2), say'
+            )
+    return out
+
+
+def _column_name(wanted: int | str | None, order: list[str], role: str, path: Path) -> str | None:
+    if isinstance(wanted, int) and 0 <= wanted < len(order):
+        return order[wanted]
+    if wanted is None or wanted in order:
+        return wanted if wanted is None else str(wanted)
+    raise SceneError(f'{path}: no column {wanted!r} for {role}; the file has {len(order)}: {" ".join(order)}')
+
+
+def split_names(names: str) -> list[str]:
+    """Names of a table's columns; checked, so that a slip is told before a file is read.
+
+    Raises:
+        SceneError: x, y or z is missing, a name is no part, or comes twice.
+    """
+    words = names.split()
+    used = [word for word in words if word != '-']
+    if not {*'xyz'} <= set(used) <= {*ROLES} or len(set(used)) != len(used) or len({*RGB} & set(used)) not in (0, 3):
+        raise SceneError(
+            f'columns: expected x y z, maybe {" ".join(ROLES[3:])}, each once, and - for others; got {names!r}'
+        )
+    return words
+
+
+def _named(table: np.ndarray, path: Path, names: str | None) -> dict[str, np.ndarray]:
+    """A table's columns under the names told, or by their number."""
+    if table.ndim != 2:
+        raise SceneError(f'{path}: shape {table.shape}; expected one row a point')
+    width = table.shape[1]
+    words = (names or COLUMNS.get(width) or ' '.join(map(str, range(width)))).split()
+    if width != len(words):
+        raise SceneError(f'{path}: shape {table.shape}; the columns named are {len(words)}: {" ".join(words)}')
+    return {word: table[:, i] for i, word in enumerate(words) if word != '-'}
+
+
+def _bin(path: Path, names: str | None) -> dict[str, np.ndarray]:
+    names = names or COLUMNS[4]
+    data, width = path.read_bytes(), len(names.split())
+    if len(data) % (4 * width):
+        raise SceneError(f'{path}: {len(data)} bytes are no multiple of {4 * width} (float32 {names}); cut off?')
+    return _named(np.frombuffer(data, dtype='<f4').reshape(-1, width), path, names)
+
+
+def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
+    try:
+        table = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise SceneError(f'{path}: not readable as .npy: {error}') from error
+    if not isinstance(table, np.ndarray):
+        raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
+    if table.dtype.names:
+        return {name: table[name].reshape(-1) for name in table.dtype.names}
+    return _named(table, path, names)
+
+
+def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
+        raise SceneError(f'{path}: not readable as .npz: {error}') from error
+    first = next((name for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in arrays), None)
+    if first is None:
+        raise SceneError(f'{path}: holds {sorted(arrays)}; expected xyz (N, 3), points (N, 3 or more), or x, y and z')
+    rows, out = arrays[first].shape[:1], {}
+    for name, values in arrays.items():
+        if values.shape[:1] != rows or values.ndim not in (1, 2):
+            if name.lower() in _BLOCKS or name.lower() in {alias for found in ALIASES.values() for alias in found}:
+                raise SceneError(f'{path}: {name}: shape {values.shape}, but {first} has shape {arrays[first].shape}')
+            continue  # what is not about points: a transform, a name, an origin
+        if values.ndim == 1:
+            out[name] = values
+        elif values.shape[1] == len(_BLOCKS.get(name.lower(), ())):
+            out |= {part: values[:, i] for i, part in enumerate(_BLOCKS[name.lower()])}
+        elif name == first:
+            out |= _named(values, path, names)
+        else:
+            out |= {f'{name}_{i}': values[:, i] for i in range(values.shape[1])}
+    return out
+
+
+def _text(path: Path, names: str | None) -> dict[str, np.ndarray]:
+    text = path.read_bytes().removeprefix(b'\xef\xbb\xbf')
+    header, text = _header_of(text)
+    try:
+        table = parse_table(text)
+    except BadTextError as error:
+        raise SceneError(f'{path}, {error}; expected numbers, one point a line') from error
+    if len(table) == 0:
+        raise SceneError(f'{path}: holds no points')
+    if names is None and len(header) == table.shape[1]:
+        return {name: table[:, i] for i, name in enumerate(header)}
+    return _named(table, path, names)
+
+
+def _header_of(text: bytes) -> tuple[list[str], bytes]:
+    """Names from the line before the first point, and the text with that line as a comment."""
+    at, header = 0, b''
+    while at < len(text):
+        end = text.find(b'\n', at) + 1 or len(text)
+        line = text[at:end].strip()
+        comment = line.startswith((b'#', b'//'))
+        if line and not comment and (header_words := _names_in(line)):
+            return header_words, text[:at] + b'#' + text[at:]
+        if line and not comment:
+            break
+        header = line if line else header
+        at = end
+    return _names_in(header.lstrip(b'#/ ')), text
+
+
+def _names_in(line: bytes) -> list[str]:
+    """The words of a line that has x, y and z among its words; none of another line."""
+    words = line.decode('utf-8', errors='replace').replace(',', ' ').replace(';', ' ').split()
+    words = [word.strip('"\'') for word in words]
+    known = {'x', 'y', 'z'} <= {word.lower() for word in words} and len(set(words)) == len(words)
+    return words if known else []

@@ -1,0 +1,29 @@
+"""Points in LAS and LAZ files, through laspy (the extra ``las``)."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rm3d_plugin.structures import SceneError
+
+
+def read_las(path: str | Path) -> dict[str, np.ndarray]:
+    """The dimensions of a file under their names; x, y, z are scaled to the file's unit, float64.
+
+    Raises:
+        SceneError: The file is missing or damaged, or laspy is not installed.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise SceneError(f'{path}: no such file; expected a LAS or LAZ file')
+    try:
+        import laspy
+    except ImportError as error:
+        raise SceneError(f'{path}: LAS and LAZ need laspy; pip install "rm3d_plugin[las]"') from error
+    try:
+        las = laspy.read(path)
+    except Exception as error:  # laspy and its decompressors raise whatever they come across
+        raise SceneError(f'{path}: not readable as LAS or LAZ ({error}); copy it again') from error
+    scaled = {name: np.asarray(getattr(las, name), dtype=np.float64) for name in 'xyz'}
+    rest = (str(name) for name in las.point_format.dimension_names)
+    return scaled | {name: np.asarray(las[name]) for name in rest if name not in 'XYZ'}
