@@ -3,6 +3,7 @@
 from rm3d_plugin.datasets import samplers as samplers
 from rm3d_plugin.datasets import transforms as transforms
 from rm3d_plugin.datasets.base import DatasetNotFoundError, SceneDataset, Truth
+from rm3d_plugin.datasets.files import FilesDataset
 from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.oakland import OaklandDataset
 from rm3d_plugin.datasets.s3dis import S3DISDataset
@@ -14,6 +15,7 @@ from rm3d_plugin.datasets.vkitti import VKITTI3DDataset
 
 __all__ = [
     'DatasetNotFoundError',
+    'FilesDataset',
     'KittiDataset',
     'OaklandDataset',
     'S3DISDataset',
