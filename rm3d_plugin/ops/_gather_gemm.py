@@ -45,7 +45,7 @@ def gather_gemm(x: Array, weight: Array, pair_in: Array, pair_out: Array, starts
     """
     channels = weight.shape[2]
     padded = _pad_columns(weight)
-    out = np.zeros((n_out, padded.shape[2]), x.dtype)
+    out = np.empty((n_out, padded.shape[2]), x.dtype)
     shares = _shares(2.0 * len(pair_in) * x.shape[1] * out.shape[1], max(1, n_out // SHARE_ROWS))
     arguments = (out, np.ascontiguousarray(x), padded.reshape(-1), pair_in, pair_out, starts)
     each_block(lambda turns: _forward_shares(turns, shares, *arguments), shares)
@@ -140,6 +140,7 @@ def _forward_rows(
         cursor[k] = starts[k] + np.searchsorted(pair_out[starts[k] : starts[k + 1]], begin)
     for block in range(begin, end, BLOCK_ROWS):
         block_end = min(block + BLOCK_ROWS, end)
+        out[block:block_end] = 0
         for k in range(len(cursor)):
             first = cursor[k]
             last = first + np.searchsorted(pair_out[first : starts[k + 1]], block_end)

@@ -137,7 +137,7 @@ class ResidualBlock(nn.Module):
         """Features on the same level."""
         hidden = self.conv1(inputs._replace(values=self.norm1(inputs.values)))
         hidden = self.conv2(hidden._replace(values=self.norm2(hidden.values)))
-        return hidden._replace(values=hidden.values + self.shortcut(inputs).values)
+        return hidden._replace(values=hidden.values.add_(self.shortcut(inputs).values))  # backward needs no old values
 
 
 def _kaiming_weight(offsets: int, in_channels: int, out_channels: int) -> nn.Parameter:
