@@ -3,7 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
+from rm3d_plugin.pseudo_labels.record import RefreshRecord
 from rm3d_plugin.regions import MergeLedger, Reason
 
 _TERMS = {'M_color': 'colour', 'M_scale': 'scale', 'M_des': 'descriptor', 'M_seg': 'semantics'}
@@ -48,10 +50,43 @@ def summarise(ledger: MergeLedger) -> LedgerSummary:
 def explain(ledger: MergeLedger, region: int) -> list[str]:
     """One sentence for each pair that a region took part in, in the ledger's order."""
     rows = np.flatnonzero((ledger.region_a == region) | (ledger.region_b == region))
-    return [_sentence(ledger, int(row)) for row in rows]
+    return [sentence(ledger, int(row)) for row in rows]
 
 
-def _sentence(ledger: MergeLedger, row: int) -> str:
+def compared_value(ledger: MergeLedger) -> Float[np.ndarray, ' edges']:
+    """What was compared with the threshold: S where the strategy on record is 'literal', else Sbar."""
+    literal = bool(ledger.known) and RefreshRecord.from_arrays(ledger.known).strategy.thresholds == 'literal'
+    return ledger.S if literal else ledger.Sbar
+
+
+class Extremes(NamedTuple):
+    """Rows of a ledger.
+
+    Attributes:
+        strongest: Merged pairs, the largest margin first.
+        weakest: Merged pairs, the smallest margin first.
+        refused: Pairs refused for being too unlike alone, the nearest to the threshold first.
+        margin: (E,) compared value less threshold.
+    """
+
+    strongest: Int[np.ndarray, ' rows']
+    weakest: Int[np.ndarray, ' rows']
+    refused: Int[np.ndarray, ' rows']
+    margin: Float[np.ndarray, ' edges']
+
+
+def extreme_merges(ledger: MergeLedger, count: int) -> Extremes:
+    """The strongest and weakest merges and the closest refusals; ties: the earlier row."""
+    margin = compared_value(ledger) - ledger.threshold
+    merged, refused = np.flatnonzero(ledger.accepted), np.flatnonzero(ledger.reason == Reason.NOT_SIMILAR)
+    strong = merged[np.argsort(-margin[merged], kind='stable')]
+    weak = merged[np.argsort(margin[merged], kind='stable')]
+    near = refused[np.argsort(-margin[refused], kind='stable')]
+    return Extremes(strong[:count], weak[:count], near[:count], margin)
+
+
+def sentence(ledger: MergeLedger, row: int) -> str:
+    """What became of one pair, and why."""
     terms = {word: float(getattr(ledger, name)[row]) for name, word in _TERMS.items()}
     known = ', '.join(f'{word} {value:.2f}' for word, value in terms.items() if not np.isnan(value))
     seed = '; the group grows on from there' if ledger.became_seed[row] else ''
