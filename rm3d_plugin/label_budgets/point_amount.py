@@ -1,5 +1,6 @@
 """How many points a budget reveals, and the names by which users ask for it (METHOD 8)."""
 
+import ast
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -83,6 +84,7 @@ def point_amount(budget: str | Mapping[str, Any] | PointAmount) -> PointAmount:
     """The amount of a name ('onept', '20pts', '0p2pct', 'scenes5pct', 'full', ...) or of fields.
 
     Any number may stand in a name (``p`` is the decimal point); ``_no_instances`` behind a name hides the instances.
+    Text may name fields too, as a command line does: ``clicks=my.csv``, ``percent=0.3,instances=False``.
 
     Raises:
         BudgetError: No such name or field, or a number out of range.
@@ -94,6 +96,8 @@ def point_amount(budget: str | Mapping[str, Any] | PointAmount) -> PointAmount:
     """
     if isinstance(budget, PointAmount):
         return budget
+    if isinstance(budget, str) and '=' in budget:
+        budget = _fields_of(budget)
     if isinstance(budget, Mapping):
         known = [item.name for item in fields(PointAmount)]
         if unknown := sorted(set(budget) - set(known)):
@@ -103,6 +107,19 @@ def point_amount(budget: str | Mapping[str, Any] | PointAmount) -> PointAmount:
     if words is None:
         raise BudgetError(f'label budget: expected one of {KNOWN_NAMES} (or another number), got {budget!r}')
     return PointAmount(**_field_of(words), instances=not str(budget).endswith(_NO_INSTANCES))
+
+
+def _fields_of(text: str) -> dict[str, Any]:
+    fields_of = dict(part.split('=', 1) for part in text.split(',') if '=' in part)
+    return {name.strip(): _value(value.strip()) for name, value in fields_of.items()}
+
+
+def _value(text: str) -> Any:
+    """A number or truth value where the text is one."""
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text
 
 
 def _field_of(words: re.Match[str]) -> dict[str, Any]:
