@@ -84,7 +84,7 @@ def find_instances(
     dense = np.zeros((len(kept), len(xyz)), dtype=bool)
     for row, mask in enumerate(kept):
         dense[row, masks.indices[masks.offsets[mask] : masks.offsets[mask + 1]]] = True
-    return Instances(dense, labels[kept], scores[kept].astype(np.float32))
+    return Instances(dense, labels[kept], scores[kept])
 
 
 def _clusters(points: np.ndarray, groups: np.ndarray, rules: ProposalRules) -> list[Int[np.ndarray, ' members']]:
@@ -95,9 +95,13 @@ def _clusters(points: np.ndarray, groups: np.ndarray, rules: ProposalRules) -> l
 def _scored(
     masks: PointMasks, classes: np.ndarray, probs: np.ndarray
 ) -> tuple[Int[np.ndarray, ' masks'], Float[np.ndarray, ' masks']]:
-    """Class and mean probability of each mask, all of whose points are of one class."""
+    """Class and mean probability of each mask, all of whose points are of one class.
+
+    Single precision: means that differ by rounding alone are equal, and the mask that comes first stays.
+    """
     if not len(masks.sizes):
-        return np.zeros(0, dtype=np.int64), np.zeros(0)
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
     labels = classes[masks.indices[masks.offsets[:-1]]].astype(np.int64)
     member = probs[masks.indices, classes[masks.indices]].astype(np.float64)
-    return labels, np.add.reduceat(member, masks.offsets[:-1]) / masks.sizes
+    means = np.add.reduceat(member, masks.offsets[:-1]) / masks.sizes
+    return labels, means.astype(np.float32)

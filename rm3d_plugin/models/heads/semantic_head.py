@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, Literal, get_args
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Num
 from torch import Tensor, nn
 
 from rm3d_plugin.models.heads.point_labels import PointLabels
@@ -57,7 +57,7 @@ class SemanticHead(nn.Module):
         balance: Balance = 'none',
         power: float = 0.5,
         pseudo_weight: float = 1.0,
-        class_counts: Sequence[float] | None = None,
+        class_counts: Sequence[int] | None = None,
     ) -> None:
         super().__init__()
         if balance not in get_args(Balance):
@@ -69,9 +69,9 @@ class SemanticHead(nn.Module):
         self.loss_part = MODELS.build({'type': 'PointCrossEntropyLoss', **(loss or {})})
         self.register_buffer('class_counts', torch.zeros(num_classes))
         if class_counts is not None:
-            self.set_class_counts(torch.tensor(class_counts))
+            self.set_class_counts(torch.tensor(list(class_counts)))
 
-    def set_class_counts(self, counts: Float[Tensor, ' classes']) -> None:
+    def set_class_counts(self, counts: Num[Tensor, ' classes']) -> None:
         """Tell how many labels of each class are revealed, for ``balance='frequency'``; kept in checkpoints.
 
         Raises:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Num
 from mmengine.model import BaseModel
 from torch import Tensor
 
@@ -96,7 +96,7 @@ class RM3DSegmentor(BaseModel):
         )
         self.aug_loss, self.dice_loss = _build(aug_loss), _build(dice_loss)
 
-    def set_class_counts(self, counts: Float[Tensor, ' classes']) -> None:
+    def set_class_counts(self, counts: Num[Tensor, ' classes']) -> None:
         """Tell how many labels of each class the budget reveals; used by ``balance='frequency'``."""
         self.semantic_head.set_class_counts(counts)
 
