@@ -6,9 +6,13 @@ import numpy as np
 
 from rm3d_plugin.structures import SceneError
 
+RGB = ('red', 'green', 'blue')
+
 
 def read_las(path: str | Path) -> dict[str, np.ndarray]:
     """The dimensions of a file under their names; x, y, z are scaled to the file's unit, float64.
+
+    Colours that are black throughout are left out: the file has room for them, but no camera was there.
 
     Raises:
         SceneError: The file is missing or damaged, or laspy is not installed.
@@ -26,4 +30,7 @@ def read_las(path: str | Path) -> dict[str, np.ndarray]:
         raise SceneError(f'{path}: not readable as LAS or LAZ ({error}); copy it again') from error
     scaled = {name: np.asarray(getattr(las, name), dtype=np.float64) for name in 'xyz'}
     rest = (str(name) for name in las.point_format.dimension_names)
-    return scaled | {name: np.asarray(las[name]) for name in rest if name not in 'XYZ'}
+    columns = scaled | {name: np.asarray(las[name]) for name in rest if name not in 'XYZ'}
+    if not any(columns[name].any() for name in RGB if name in columns):
+        columns = {name: values for name, values in columns.items() if name not in RGB}
+    return columns

@@ -90,7 +90,7 @@ def read_scan(
     _check_finite(path, 'x, y, z', xyz)
     channels: dict[str, Any] = {}
     if 'intensity' in parts:
-        channels['intensity'] = _finite(path, 'intensity', parts['intensity'])
+        channels['intensity'] = _finite(path, 'intensity', parts['intensity']).astype(np.float32)
     if 'red' in parts:
         colors = _finite(path, 'colors', np.stack([parts[name] for name in RGB], axis=1))
         channels['colors'] = unit_colors(colors, color_range, path)
@@ -99,7 +99,11 @@ def read_scan(
     if path.suffix.lower() == '.bin':
         channels['sensor'] = (0.0, 0.0, 0.0)
     far = np.abs(xyz.astype(np.float64)).max() > FAR and path.suffix.lower() != '.bin'
-    cloud = PointCloud.from_world(xyz, **channels) if far else PointCloud(xyz.astype(np.float32), **channels)
+    cloud = (
+        PointCloud.from_world(xyz.astype(np.float64), **channels)
+        if far
+        else PointCloud(xyz.astype(np.float32), **channels)
+    )
     read = {name: _whole(path, name, parts[name]) for name in ('label', 'instance') if labels and name in parts}
     return Scan(cloud, **read)
 
