@@ -1,0 +1,3 @@
+# All points, drawn by seed (METHOD 8).
+budget = 'full'
+budget_seed = '${seed}'
