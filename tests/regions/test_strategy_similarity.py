@@ -149,6 +149,32 @@ def test_switches():
     assert np.isnan(sim.region_similarity(graph(None), rows, both_off, 0).descriptor).all()
 
 
+@pytest.mark.parametrize('name', ['color', 'scale', 'descriptor', 'semantics'])
+@pytest.mark.parametrize('thresholds', ['normalised', 'literal'])
+def test_a_term_that_is_off_counts_as_little_as_one_that_is_missing(name, thresholds):
+    rng = np.random.default_rng(0)
+    terms = sim.PairTerms(*rng.random((4, 5)))
+    rows, edges = rng.dirichlet(np.ones(3), 6), np.stack([np.arange(5), np.arange(1, 6)], axis=1)
+    for balanced in (True, False):
+        settings = {'thresholds': thresholds, 'weight_balancing': balanced}
+        off = sim.weigh(terms, edges, rows, MergeStrategy(**settings, **{f'use_{name}': False}), 3)
+        whole = sim.weigh(terms, edges, rows, MergeStrategy(**settings), 3)
+        table = np.stack([whole.color, whole.scale, whole.descriptor, whole.semantics])
+        y = np.array(MergeStrategy(**settings).weights(3))
+        left = np.array([n != name for n in ('color', 'scale', 'descriptor', 'semantics')])
+        np.testing.assert_allclose(off.total, (y[:, None] * table)[left].sum(axis=0), rtol=1e-15)
+        np.testing.assert_allclose(off.mean, off.total / y[left].sum(), rtol=1e-15)
+        np.testing.assert_array_equal(getattr(off, name), getattr(whole, name))  # known, though it weighs nothing
+
+
+def test_without_the_networks_term_the_last_round_still_has_a_mean():
+    assert MergeStrategy(use_semantics=False).weights(8) == (1, 1, 1, 0)
+    assert MergeStrategy(use_semantics=False, use_scale=False).weights(8) == (1, 0, 1, 0)
+    assert MergeStrategy(use_semantics=False, thresholds='literal').weights(8) == (0, 0, 0, 0)
+    everything_off = {f'use_{name}': False for name in ('color', 'scale', 'descriptor', 'semantics')}
+    assert MergeStrategy(**everything_off).weights(8) == (0, 0, 0, 0)
+
+
 def test_no_edges():
     empty = RegionGraph(
         *(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 4)), None, np.zeros((0, 3))),
