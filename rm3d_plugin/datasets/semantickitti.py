@@ -54,8 +54,6 @@ class SemanticKittiDataset(SegmentationDataset):
         ValueError: A choice that there is not.
     """
 
-    thing_names = CLASSES[:NUM_THINGS]
-
     def __init__(
         self,
         data_root: str | Path,
@@ -79,6 +77,11 @@ class SemanticKittiDataset(SegmentationDataset):
             raise ValueError(f'sequences: name each once, got {list(self.sequences)}')
         self.every = int(every)
         self.use_intensity = use_intensity
+
+    @property
+    def thing_classes(self) -> tuple[int, ...]:
+        """Car to motorcyclist."""
+        return tuple(range(NUM_THINGS))
 
     # ------------------------------------------------------------------ scenes
 
