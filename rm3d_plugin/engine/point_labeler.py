@@ -31,8 +31,8 @@ class PointLabeler(BaseLabeler):
         source: A :class:`~rm3d_plugin.engine.sources.LabelSource` or its config.
         descriptor: Config of a descriptor provider.
         oversegmenter: Config of an over-segmenter.
-        seeds: 'none': regions depend on the geometry alone, and runs with other budgets share them. 'revealed':
-            regions grow from the revealed points first, as the paper has it (METHOD 5).
+        seeds: 'revealed': regions grow from the revealed points first, as the paper has it (METHOD 5). 'none': they
+            depend on the geometry alone, so runs with other budgets or seeds share them.
         spread: False: training sees the revealed points alone (the weak baseline), no region is made.
         settings: Further arguments of :class:`BaseLabeler`.
     """
@@ -44,7 +44,7 @@ class PointLabeler(BaseLabeler):
         source: Mapping[str, Any] | LabelSource,
         descriptor: Mapping[str, Any],
         oversegmenter: Mapping[str, Any],
-        seeds: Seeds = 'none',
+        seeds: Seeds = 'revealed',
         spread: bool = True,
         **settings: Any,
     ) -> None:

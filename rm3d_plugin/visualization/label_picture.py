@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from rm3d_plugin.structures import Boxes3D, PointCloud
-from rm3d_plugin.visualization.bev import BevPanel, BoxLayer, footprints, span_of
+from rm3d_plugin.visualization.bev import BevPanel, BoxLayer, Span, footprints, span_of
 from rm3d_plugin.visualization.palette import SERIES, class_color
 
 MARKERS = ('o', 's', '^', 'D', 'v', 'P', 'X', '*')  # a class has a colour and, after eight classes, another mark
@@ -42,7 +42,7 @@ def draw_label_picture(
         The picture as PNG; equal input gives equal bytes.
     """
     boxes = Boxes3D.empty() if boxes is None else boxes
-    span = span_of([BevPanel('', cloud.xyz, layers=[BoxLayer('', boxes, 'k')])], margin=0.3)
+    span = _span(cloud, np.asarray(semantic), boxes)
     size = max(span[2] - span[0], 1e-6), max(span[3] - span[1], 1e-6)
     height = float(np.clip((width - 2.2) * size[1] / size[0] + 0.6, 2.4, 12.0))
     figure = Figure(figsize=(width, height), dpi=dpi, layout='constrained')
@@ -65,6 +65,21 @@ def draw_label_picture(
     stream = io.BytesIO()
     canvas.print_png(stream, metadata={'Software': None}, pil_kwargs={'optimize': True})
     return stream.getvalue()
+
+
+def _span(cloud: PointCloud, semantic: Int[np.ndarray, ' points'], boxes: Boxes3D) -> Span:
+    """The bulk of the points, every box, and every labelled point."""
+    low_x, low_y, high_x, high_y = span_of([BevPanel('', cloud.xyz, layers=[BoxLayer('', boxes, 'k')])], margin=0.3)
+    labelled = cloud.xyz[semantic >= 0]
+    if len(labelled) == 0:
+        return low_x, low_y, high_x, high_y
+    low, high = labelled.min(axis=0) - 0.3, labelled.max(axis=0) + 0.3
+    return (
+        min(low_x, float(low[0])),
+        min(low_y, float(low[1])),
+        max(high_x, float(high[0])),
+        max(high_y, float(high[1])),
+    )
 
 
 def _draw_scene(axes: Axes, cloud: PointCloud, max_points: int) -> None:
