@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from mmengine.dist import is_main_process
 
+from rm3d_plugin.engine.distributed import joined_processes
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.report import result_table
 from rm3d_plugin.engine.run import DEMO_NOTE, add_config_arguments, config_of, exit_code, train
@@ -22,9 +23,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args(arguments)
     os.environ.setdefault('LOCAL_RANK', str(args.local_rank))
-    config = config_of(args)
-    work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher)
-    if is_main_process():
+    with joined_processes(args.launcher):
+        config = config_of(args)
+        work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher)
+        main_process = is_main_process()
+    if main_process:
         print(result_table(read_record(work_dir)['final']))
         print(f'{DEMO_NOTE}\n' * config.is_demo + f'report: {work_dir / "report.html"}')
 

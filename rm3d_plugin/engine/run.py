@@ -10,21 +10,21 @@ from pathlib import Path
 from typing import Any
 
 from mmengine.config import Config, DictAction
+from mmengine.dist import barrier, is_main_process
 from mmengine.registry import init_default_scope
 from mmengine.runner import Runner
 
 from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.engine.distributed import use_launcher
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
 from rm3d_plugin.ops import _parallel
 from rm3d_plugin.registry import DATASETS, SCOPE, TASK_UTILS
 from rm3d_plugin.storage import DamagedFileError, write_json
 from rm3d_plugin.structures import SceneError
 
-DEMO_NOTE = (
-    'Demo data: the scenes are synthetic (virtual lidar in generated streets); scores say nothing of real scans.'
-)
+DEMO_NOTE = 'Demo data: the scenes are synthetic, scanned by virtual sensors; scores say nothing of real scans.'
 
 
 def add_config_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,13 +52,15 @@ def config_of(args: argparse.Namespace) -> Config:
     set_threads(int(config.threads))
     init_default_scope(SCOPE)
     if args.demo:
-        from rm3d_plugin.datasets.synthetic import make_streets  # ray casting takes seconds to import
+        from rm3d_plugin.datasets.synthetic import make_demo  # virtual sensors take seconds to import
 
-        print(DEMO_NOTE)
         try:
-            make_streets(config.data_root, **config.demo_data)
+            if is_main_process():
+                print(DEMO_NOTE)
+                make_demo(config.data_root, **config.demo_data)
         except ValueError as error:  # a folder that holds real data is left alone
             raise ConfigError(f'--demo: {error}') from error
+        barrier()
     return config
 
 
@@ -74,20 +76,23 @@ def train(config: Config, resume: bool = False, amp: bool = False, launcher: str
         SceneError, ConfigError: Data or config cannot be used.
     """
     if launcher != 'none':
-        config.launcher = launcher
+        use_launcher(config, launcher)
     if amp:
         use_amp(config)
     check_data(config, 'train_dataloader', 'val_dataloader')
     work_dir = Path(config.work_dir)
-    for part in work_dir.glob('.*.tmp'):  # what a killed run was writing
-        part.unlink(missing_ok=True)
+    if is_main_process():
+        for part in work_dir.glob('.*.tmp'):  # what a killed run was writing
+            part.unlink(missing_ok=True)
     checkpoint = latest_checkpoint(work_dir) if resume else None
     if checkpoint is None:
         if resume:
             print(f'--resume: there is no epoch_*.pth in {work_dir}; training starts from scratch')
-        clear_run(work_dir)
+        if is_main_process():
+            clear_run(work_dir)
     else:
         config.resume, config.load_from = True, str(checkpoint)
+    barrier()
     with config_errors(config):
         runner = Runner.from_cfg(config)
     runner.train()

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+import torch.distributed as dist
 from jaxtyping import Float
 from numba import njit
 from torch import Tensor
@@ -23,11 +24,13 @@ class NormReLUResult(NamedTuple):
         values: Rows of the input's shape, none negative.
         mean: Mean per channel.
         variance: Biased variance per channel.
+        rows: Number of rows they are of: those of all processes, where several train together.
     """
 
     values: Float[Tensor, 'rows channels']
     mean: Float[Tensor, 'channels']
     variance: Float[Tensor, 'channels']
+    rows: int
 
 
 def norm_relu(
@@ -35,7 +38,8 @@ def norm_relu(
 ) -> NormReLUResult:
     """``relu((x - mean) / sqrt(variance + eps) * scale + shift)`` with the statistics of these rows, on the CPU.
 
-    Sums run in float64 over blocks of fixed size: the same bits whatever the number of threads.
+    Sums run in float64 over blocks of fixed size: the same bits whatever the number of threads. Where several processes
+    train together, the statistics are of the rows of all of them, and all must call this equally often.
 
     Args:
         x: float32 or float64, at least one row.
@@ -43,18 +47,31 @@ def norm_relu(
         shift: Term per channel, learned.
         eps: Added to the variance.
     """
-    values, mean, variance = _NormReLU.apply(x, scale, shift, eps)  # type: ignore[no-untyped-call]
-    return NormReLUResult(values, mean, variance)
+    count = rows_of_all_processes(len(x))
+    values, mean, variance = _NormReLU.apply(x, scale, shift, eps, count)  # type: ignore[no-untyped-call]
+    return NormReLUResult(values, mean, variance, count)
+
+
+def rows_of_all_processes(rows: int) -> int:
+    """Rows of a batch whose parts lie in several processes."""
+    return int(_of_all_processes(np.array([float(rows)]))[0])
+
+
+def _of_all_processes(sums: Array) -> Array:
+    """Sums over the processes that train together."""
+    if dist.is_available() and dist.is_initialized() and dist.get_world_size() > 1:
+        dist.all_reduce(torch.from_numpy(sums))
+    return sums
 
 
 class _NormReLU(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, x: Tensor, scale: Tensor, shift: Tensor, eps: float) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(ctx: Any, x: Tensor, scale: Tensor, shift: Tensor, eps: float, count: int) -> tuple[Tensor, ...]:
         x = x.contiguous()
         rows, gain = x.numpy(), scale.numpy().astype(np.float64)
-        sums = _channel_sums(_moments_in_turns, rows)
-        mean = sums[0] / len(rows)
-        variance = np.maximum(sums[1] / len(rows) - mean**2, 0)
+        sums = _of_all_processes(_channel_sums(_moments_in_turns, rows))
+        mean = sums[0] / count
+        variance = np.maximum(sums[1] / count - mean**2, 0)
         inverse_std = 1 / np.sqrt(variance + eps)
         factor = _strip(inverse_std * gain, rows.dtype)
         term = _strip(shift.numpy() - mean * inverse_std * gain, rows.dtype)
@@ -62,6 +79,7 @@ class _NormReLU(torch.autograd.Function):
         _each_part(_scale_relu_in_turns, rows, out.numpy().reshape(-1), rows.reshape(-1), factor, term)
         ctx.save_for_backward(x, scale)
         ctx.statistics = (mean, inverse_std, factor, term)
+        ctx.count = count
         statistics = torch.from_numpy(mean).to(x.dtype), torch.from_numpy(variance).to(x.dtype)
         ctx.mark_non_differentiable(*statistics)
         return out, *statistics
@@ -76,12 +94,19 @@ class _NormReLU(torch.autograd.Function):
         grad_shift = sums[0]
         grad_scale = (sums[1] - mean * sums[0]) * inverse_std
         gain = inverse_std * scale.numpy()
-        along = -gain * inverse_std * grad_scale / len(rows)
-        level = _strip(-gain * grad_shift / len(rows) - along * mean, rows.dtype)
+        shared = _of_all_processes(np.stack([grad_scale, grad_shift])) / ctx.count
+        along = -gain * inverse_std * shared[0]
+        level = _strip(-gain * shared[1] - along * mean, rows.dtype)
         constants = factor, term, _strip(along, rows.dtype), level
         out = torch.empty_like(x)
         _each_part(_input_grad_in_turns, rows, out.numpy().reshape(-1), rows.reshape(-1), slopes, *constants)
-        return out, torch.from_numpy(grad_scale).to(scale.dtype), torch.from_numpy(grad_shift).to(scale.dtype), None
+        return (
+            out,
+            torch.from_numpy(grad_scale).to(scale.dtype),
+            torch.from_numpy(grad_shift).to(scale.dtype),
+            None,
+            None,
+        )
 
 
 def _strip(channels: Array, dtype: Any) -> Array:

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from rm3d_plugin.ops.kernel_map import KernelSpec, VoxelLevel, triple
-from rm3d_plugin.ops.norm_relu import NormReLUResult, norm_relu
+from rm3d_plugin.ops.norm_relu import NormReLUResult, norm_relu, rows_of_all_processes
 from rm3d_plugin.ops.sparse_conv import sparse_conv
 
 
@@ -99,26 +99,27 @@ class NormReLU(nn.Module):
         norm = self.norm
         if not self.training:
             return norm(values).relu()
-        if len(values) == 1:
+        ours = type(norm) is nn.BatchNorm1d and values.device.type == 'cpu'
+        ours = ours and values.dtype in (torch.float32, torch.float64)
+        if (rows_of_all_processes(len(values)) if ours else len(values)) == 1:
             return nn.functional.batch_norm(
                 values, norm.running_mean, norm.running_var, norm.weight, norm.bias, False, 0.0, norm.eps
             ).relu()
-        ours = values.device.type == 'cpu' and values.dtype in (torch.float32, torch.float64)
-        if type(norm) is not nn.BatchNorm1d or not ours:
+        if not ours:
             return norm(values).relu()  # such as a norm that was converted to synchronise over processes
         result = norm_relu(values, norm.weight, norm.bias, norm.eps)
-        _update_running(norm, result, len(values))
+        _update_running(norm, result)
         return result.values
 
 
-def _update_running(norm: nn.BatchNorm1d, result: NormReLUResult, rows: int) -> None:
+def _update_running(norm: nn.BatchNorm1d, result: NormReLUResult) -> None:
     """Move the running statistics towards this batch, with the unbiased variance, as torch does."""
     assert norm.running_mean is not None and norm.running_var is not None and norm.num_batches_tracked is not None
     assert norm.momentum is not None
     norm.num_batches_tracked += 1
     with torch.no_grad():
         norm.running_mean.lerp_(result.mean, norm.momentum)
-        norm.running_var.lerp_(result.variance * (rows / (rows - 1)), norm.momentum)
+        norm.running_var.lerp_(result.variance * (result.rows / max(result.rows - 1, 1)), norm.momentum)
 
 
 class ResidualBlock(nn.Module):
