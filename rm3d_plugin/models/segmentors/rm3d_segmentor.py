@@ -12,6 +12,7 @@ from rm3d_plugin.models.detectors.common_points import common_rows
 from rm3d_plugin.models.heads.point_labels import PointLabels, join_point_labels
 from rm3d_plugin.models.segmentors.instance_dice import soft_instance_masks
 from rm3d_plugin.models.segmentors.point_inputs import PointInputs, point_inputs
+from rm3d_plugin.models.segmentors.view_statistics import kept_statistics
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import SceneSample
 
@@ -140,9 +141,10 @@ class RM3DSegmentor(BaseModel):
         return losses
 
     def _view_loss(self, inputs: dict[str, Tensor], logits: Tensor) -> Tensor:
-        """Agreement of the classes with the augmented view."""
+        """Agreement of the classes with the augmented view, which leaves the running statistics alone."""
         rows = common_rows(inputs['aug_index'], _COMMON_POINTS)
-        features = self._features(inputs['aug_points'], inputs['aug_batch_offsets'])
+        with kept_statistics(self.backbone):
+            features = self._features(inputs['aug_points'], inputs['aug_batch_offsets'])
         loss: Tensor = self.aug_loss(logits[inputs['aug_index'][rows]], self.semantic_head(features[rows]))
         return loss
 

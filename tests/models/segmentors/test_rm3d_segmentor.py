@@ -115,6 +115,30 @@ def test_what_is_hidden_changes_nothing():
     assert all(torch.equal(clean[1][name], noisy[1][name]) for name in clean[1])
 
 
+@pytest.mark.parametrize('checkpointing', [False, True])
+def test_the_second_view_leaves_the_running_statistics_alone(checkpointing):
+    backbone = dict(type='SparseUNet', voxel_size=0.1, widths=[16, 24], blocks=1, checkpointing=checkpointing)
+    buffers = []
+    for view in (False, True):
+        model = build(backbone=backbone)
+        gradients(model, [make_room(0, view=view)])
+        buffers.append(dict(model.named_buffers()))
+    assert all(torch.equal(buffers[0][name], buffers[1][name]) for name in buffers[0])
+    assert buffers[1]['backbone.norm.norm.num_batches_tracked'] == 1
+
+
+def test_a_scene_of_one_voxel_with_a_view_of_two_has_gradients():
+    item = make_room(0)
+    item['inputs']['points'] = item['inputs']['points'][:2].clone()
+    item['inputs']['points'][:, :3] = 0.05
+    item['inputs']['aug_points'] = item['inputs']['points'] + torch.tensor([[0.0] * 6, [5.0] * 3 + [0.0] * 3])
+    item['inputs']['aug_index'] = torch.arange(2)
+    for name in ('pts_semantic_mask', 'pts_instance_mask', 'pts_is_true'):
+        item['data_samples'].set_data({name: item['data_samples'].get(name)[:2]})
+    _, grads = gradients(build(), [item])
+    assert all(torch.isfinite(grad).all() for grad in grads.values() if grad is not None)
+
+
 def test_a_class_without_any_label_is_fine():
     item = make_room(0)
     item['data_samples'].pts_semantic_mask[item['data_samples'].pts_semantic_mask == 2] = -1
