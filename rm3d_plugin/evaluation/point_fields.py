@@ -17,18 +17,25 @@ class PointTruth:
     Attributes:
         semantic: (N,) int64.
         instance: (N,) int64, or None where the sample has none.
-        index: (n,) int64 row of the truth for each predicted row.
+        index: (n,) int64 point of the scene for each predicted row.
+        original: (N,) int64 point of the scene that stands for each row of the truth; None: they are the same.
     """
 
     semantic: Int[np.ndarray, ' points']
     instance: Int[np.ndarray, ' points'] | None
     index: Int[np.ndarray, ' rows']
+    original: Int[np.ndarray, ' points'] | None = None
+
+    @property
+    def scene_points(self) -> int:
+        """Points of the scene."""
+        return len(self.semantic) if self.original is None else int(self.original.max(initial=-1)) + 1
 
     def spread(self, rows: np.ndarray, missing: Any) -> np.ndarray:
         """Predicted rows on the points of the truth; ``missing`` for points that were not predicted."""
-        out = np.full((len(self.semantic), *rows.shape[1:]), missing, dtype=rows.dtype)
+        out = np.full((self.scene_points, *rows.shape[1:]), missing, dtype=rows.dtype)
         out[self.index] = rows
-        return out
+        return out if self.original is None else out[self.original]
 
 
 def numpy_of(values: Any) -> np.ndarray:
@@ -56,7 +63,8 @@ def point_truth(fields: Mapping[str, Any], rows: int, metric: str) -> PointTruth
     """Truth of the whole scene where metainfo ``annotation`` holds it, else of the points that the network saw.
 
     A whole scene's truth has ``semantic`` (N,) and maybe ``instance`` (N,), and predictions find their points by the
-    field ``point_index``: points that were dropped or thinned out before the network then count as not predicted.
+    field ``point_index``: points that were dropped before the network then count as not predicted. Where the scene
+    itself was thinned, ``original_index`` (N,) of the annotation names the scene's point that stands for each row.
 
     Args:
         fields: Fields of the sample.
@@ -66,26 +74,35 @@ def point_truth(fields: Mapping[str, Any], rows: int, metric: str) -> PointTruth
     Raises:
         SceneError: Truth is absent, or does not fit.
     """
-    whole = fields.get('annotation')
-    scene = fields.get('scene_id', '')
-    index = fields.get('point_index')
+    whole, index = fields.get('annotation'), fields.get('point_index')
+    where = f'{metric}: scene {fields.get("scene_id", "")}'
+    original = None
     if whole is not None and getattr(whole, 'semantic', None) is not None:
-        truth = numpy_of(whole.semantic)
-        instance = getattr(whole, 'instance', None)
-        index = np.arange(rows) if index is None else numpy_of(index)
+        semantic, instance = whole.semantic, getattr(whole, 'instance', None)
+        original = getattr(whole, 'original_index', None)
+        index = np.arange(rows) if index is None else index
     else:
-        truth = numpy_of(fields_of(fields, ['pts_semantic_mask'], metric)['pts_semantic_mask'])
-        instance = fields.get('pts_instance_mask')
-        index = np.arange(len(truth))
-    if len(index) != rows or (rows and not 0 <= index.min() <= index.max() < len(truth)):
+        semantic = fields_of(fields, ['pts_semantic_mask'], metric)['pts_semantic_mask']
+        instance, index = fields.get('pts_instance_mask'), np.arange(len(semantic))
+    truth = PointTruth(
+        semantic=_integers(semantic),
+        instance=None if instance is None else _integers(instance),
+        index=_integers(index),
+        original=None if original is None else _integers(original),
+    )
+    for name, values in (('instances', truth.instance), ('original_index rows', truth.original)):
+        if values is not None and len(values) != len(truth.semantic):
+            raise SceneError(f'{where}: {len(values)} true {name}, but {len(truth.semantic)} true classes')
+    if len(truth.index) != rows or (rows and not 0 <= truth.index.min() <= truth.index.max() < truth.scene_points):
         raise SceneError(
-            f'{metric}: scene {scene}: {rows} predicted rows do not fit {len(truth)} true ones; expected one row for '
-            'each point, or point_index naming the true row of each'
+            f'{where}: {rows} predicted rows do not fit {truth.scene_points} true ones; expected one row for each '
+            'point, or point_index naming the point of each'
         )
-    instance = None if instance is None else numpy_of(instance).astype(np.int64)
-    if instance is not None and len(instance) != len(truth):
-        raise SceneError(f'{metric}: scene {scene}: {len(instance)} true instances, but {len(truth)} true classes')
-    return PointTruth(truth.astype(np.int64), instance, index.astype(np.int64))
+    return truth
+
+
+def _integers(values: Any) -> Int[np.ndarray, ' rows']:
+    return numpy_of(values).astype(np.int64)
 
 
 def predicted_classes(probabilities: Float[np.ndarray, 'points classes']) -> Int[np.ndarray, ' points']:

@@ -1,5 +1,7 @@
 """The registered metrics of segmentation, through mmengine's evaluator."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
@@ -90,6 +92,24 @@ def test_dropped_points_count_as_missing_where_the_whole_truth_is_known():
     order = np.random.default_rng(0).permutation(40)
     shuffled = sample(order, truth=False, annotation=whole, pred_point_probs=one_hot(SEMANTIC[order]))
     assert run('SemSegMetric', [shuffled])['mIoU'] == 100
+
+
+def test_a_thinned_scene_is_scored_on_its_original_points():
+    kept = np.arange(0, 40, 5)  # each fifth point stands for five
+    whole = SimpleNamespace(semantic=SEMANTIC, instance=INSTANCE, original_index=np.arange(40) // 5)
+    thin = SceneSample(metainfo={'scene_id': 'a', 'annotation': whole})
+    order = np.array([3, 0, 1, 2, 7, 6, 5])  # the network saw these; the fifth (of the table) was dropped
+    thin.point_index = torch.as_tensor(order)
+    thin.pred_point_probs = one_hot(SEMANTIC[kept][order])
+    got = run('SemSegMetric', [thin])
+    assert got['IoU_chair'] == 100 and got['IoU_table'] == 50
+    for name, value in found(kept[order]).items():
+        thin.set_data({name: torch.as_tensor(value)})
+    assert run('InstanceSegMetric', [thin], min_points=10)['AP50_chair'] == 100
+    whole.original_index = whole.original_index[:-1]
+    thin.set_metainfo({'annotation': whole})
+    with pytest.raises(SceneError, match='39 true original_index rows, but 40'):
+        run('SemSegMetric', [thin])
 
 
 def test_instances_perfect_empty_and_duplicate():
