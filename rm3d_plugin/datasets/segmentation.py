@@ -120,7 +120,11 @@ class SegmentationDataset(SceneDataset):
                         f'scene {self.scene_ids[index]}: {name}: {len(values)} labels for {len(scene.cloud)} points'
                     )
             xyz = scene.cloud.xyz.astype(np.float64) + scene.cloud.origin
-            self._last = index, scene, thin_voxels(xyz, self.voxel_thin)
+            try:
+                thin = thin_voxels(xyz, self.voxel_thin)
+            except ValueError as error:
+                raise SceneError(f'scene {self.scene_ids[index]}: {error}') from error
+            self._last = index, scene, thin
         return self._last[1], self._last[2]
 
     def __getstate__(self) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import IO, NamedTuple
 import numpy as np
 
 from rm3d_plugin.storage.files import atomic_write
+from rm3d_plugin.storage.text_table import BadTextError, parse_table
 from rm3d_plugin.structures import SceneError
 
 _LONG = {
@@ -150,11 +151,8 @@ def _ascii_vertices(body: bytes, header: PlyHeader, path: Path) -> dict[str, np.
     lines = [line for line in body.splitlines() if line.strip()][first : first + header.rows]
     if len(lines) < header.rows:
         raise SceneError(f'{path}: {len(lines)} vertices, the header says {header.rows}; cut off? copy it again')
-    words = b' '.join(lines).split()
-    if len(words) != header.rows * len(names):
-        raise SceneError(f'{path}: {len(words)} numbers for {header.rows} vertices of {len(names)}; lines are broken')
     try:
-        table = np.array(words, dtype=np.float64).reshape(header.rows, len(names))
-    except ValueError as error:
-        raise SceneError(f'{path}: not all vertices are numbers: {error}') from error
+        table = parse_table(b'\n'.join(lines), columns=len(names))
+    except BadTextError as error:
+        raise SceneError(f'{path}: vertex {error.line - 1}: {error.reason}; copy the file again') from error
     return {name: table[:, i].astype(header.vertex[name]) for i, name in enumerate(names)}

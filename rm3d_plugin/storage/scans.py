@@ -95,7 +95,8 @@ def read_scan(
         colors = _finite(path, 'colors', np.stack([parts[name] for name in RGB], axis=1))
         channels['colors'] = unit_colors(colors, color_range, path)
     if 'nx' in parts:
-        channels['normals'] = np.stack([parts[name] for name in NORMAL], axis=1).astype(np.float32)
+        normals = np.stack([parts[name] for name in NORMAL], axis=1)
+        channels['normals'] = _finite(path, 'normals', normals).astype(np.float32)
     if path.suffix.lower() == '.bin':
         channels['sensor'] = (0.0, 0.0, 0.0)
     far = np.abs(xyz.astype(np.float64)).max() > FAR and path.suffix.lower() != '.bin'

@@ -193,3 +193,9 @@ def test_an_aerial_laz_tile(real_data, tmp_path):
     thin = dataset.load_cloud(0)
     assert len(rows) == len(xyz) == 401286 and rows.max() == len(thin) - 1 < 401285
     assert (np.floor(thin.xyz[rows] + thin.origin) == np.floor(cloud.xyz + cloud.origin)).all()
+
+
+def test_a_stray_point_is_named_when_thinning(tmp_path):
+    np.save(tmp_path / 'a.npy', np.array([[0.0, 0, 0], [9e5, 0, 0]]))
+    with pytest.raises(SceneError, match='scene a: thinning to 0.02 m: a point lies 900000 m from the first one'):
+        build(tmp_path, voxel_thin=0.02).load_cloud(0)
