@@ -84,6 +84,8 @@ class Semantic3DDataset(SegmentationDataset):
         super().__init__(split, classes=classes, **common)  # scenes come thinned
         if len(self.classes) != len(CLASSES):
             raise ValueError(f'classes: Semantic3D has {len(CLASSES)}, got {len(self.classes)}')
+        if self.labels == 'truth' and split == 'trainval':
+            raise ValueError("labels='truth' is for splits that metrics are measured on, got split 'trainval'")
         if unknown := sorted(set(holdout) - set(TRAINING)):
             raise ValueError(f'holdout: expected training stations, got {", ".join(unknown)}')
         self.data_root = Path(data_root)

@@ -69,6 +69,8 @@ class SemanticKittiDataset(SegmentationDataset):
         super().__init__(split, classes=classes, **common)
         if len(self.classes) != len(CLASSES):
             raise ValueError(f'classes: SemanticKITTI has {len(CLASSES)}, got {len(self.classes)}')
+        if self.labels == 'truth' and split == 'trainval':
+            raise ValueError("labels='truth' is for splits that metrics are measured on, got split 'trainval'")
         if every < 1:
             raise ValueError(f'every: expected 1 or more, got {every}')
         self.data_root = Path(data_root)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.datasets.kitti_format import invert_affine
 from rm3d_plugin.datasets.semantickitti import TRAIN, VAL
 from rm3d_plugin.datasets.semantickitti_format import pack_labels
 from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar
@@ -141,7 +142,13 @@ def raw_labels(scan: LabelledScan) -> tuple[Int[np.ndarray, ' points'], Int[np.n
 
 def camera_pose(lidar_pose: Float[np.ndarray, '4 4']) -> Float[np.ndarray, '4 4']:
     """World from lidar as ``poses.txt`` has it: about the camera, in the camera's axes."""
-    return CAMERA_FROM_LIDAR @ lidar_pose @ np.linalg.inv(CAMERA_FROM_LIDAR)
+    return _product(_product(CAMERA_FROM_LIDAR, lidar_pose), invert_affine(CAMERA_FROM_LIDAR))
+
+
+def _product(a: Float[np.ndarray, '4 4'], b: Float[np.ndarray, '4 4']) -> Float[np.ndarray, '4 4']:
+    """Written out, so that the bits do not depend on a library."""
+    product: Float[np.ndarray, '4 4'] = a[:, :1] * b[:1] + a[:, 1:2] * b[1:2] + a[:, 2:3] * b[2:3] + a[:, 3:] * b[3:]
+    return product
 
 
 def _row(matrix: Float[np.ndarray, '4 4']) -> str:
