@@ -4,6 +4,7 @@ default_scope = 'rm3d_plugin'
 seed = 0
 threads = 0  # of torch and numba; 0 = one for each core
 num_workers = 0
+accumulate = 1  # batches a step of the optimizer: a larger batch in the memory of a small one
 cache_dir = 'work_dirs/geometry_cache'  # prepared scenes, keyed by content: runs share them
 randomness = dict(seed='${seed}', deterministic=True)
 env_cfg = dict(cudnn_benchmark=False, mp_cfg=dict(mp_start_method='fork', opencv_num_threads=0))

@@ -1,6 +1,7 @@
 """When things happen: hooks, loops, runs, reports. No maths."""
 
 from rm3d_plugin.engine import hooks as hooks
+from rm3d_plugin.engine.autocast import CPUAutocastOptimWrapper
 from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction
 from rm3d_plugin.engine.labeler import SceneLabeler
 from rm3d_plugin.engine.loops import RoundTrainLoop
@@ -11,6 +12,7 @@ from rm3d_plugin.engine.sources import BoxBudgetSource, DatasetSource, LabelSour
 __all__ = [
     'BaseLabeler',
     'BoxBudgetSource',
+    'CPUAutocastOptimWrapper',
     'DatasetSource',
     'LabelSource',
     'PointBudgetSource',

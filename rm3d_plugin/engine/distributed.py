@@ -10,6 +10,8 @@ import torch
 import torch.distributed as dist
 from mmengine.config import Config
 
+from rm3d_plugin.engine.config import ConfigError
+
 # Others wait while one process prepares scenes; a process that dies ends the job at once, whatever this says.
 PATIENCE = timedelta(days=2)
 
@@ -21,14 +23,14 @@ def joined_processes(launcher: str) -> Iterator[None]:
     An error tells which process it came from. ``torchrun`` then ends the others.
 
     Raises:
-        RuntimeError: The process was not started by a launcher that names its rank.
+        ConfigError: The process was not started by a launcher that names its rank.
     """
     if launcher != 'pytorch':  # mmengine joins those of slurm and MPI
         yield
         return
     missing = [name for name in ('RANK', 'WORLD_SIZE', 'MASTER_ADDR', 'MASTER_PORT') if name not in os.environ]
     if missing:
-        raise RuntimeError(
+        raise ConfigError(
             f'--launcher pytorch: {", ".join(missing)} not set; start with '
             '`torchrun --nproc_per_node N tools/train.py CONFIG --launcher pytorch`'
         )

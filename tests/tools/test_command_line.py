@@ -83,13 +83,6 @@ def test_bad_configs(call, tmp_path):
     assert 'no `demo` settings' in refused(call('train', tmp_path / 'bare.py', '--demo'))
 
 
-def test_mixed_precision_needs_cuda(call, world, tmp_path):
-    if torch.cuda.is_available():
-        pytest.skip('this machine has CUDA')
-    message = refused(call('train', CONFIG, '--amp', '--cfg-options', f'data_root={world}'))
-    assert '--amp' in message and 'CUDA' in message
-
-
 def test_demo_does_not_write_into_a_folder_of_other_data(call, tmp_path):
     (tmp_path / 'mine').mkdir()
     (tmp_path / 'mine' / 'scan.bin').write_bytes(b'precious')

@@ -15,6 +15,7 @@ optim_wrapper = dict(
     type='OptimWrapper',
     optimizer=dict(type='Adam', lr='${learning_rate}'),
     clip_grad=dict(max_norm=10.0),
+    accumulative_counts='${accumulate}',
 )
 step_schedule = [dict(type='MultiStepLR', by_epoch=True, milestones='${milestones}', gamma=0.1)]
 # Each period ends with a small step, so that the next labels come from a settled network.

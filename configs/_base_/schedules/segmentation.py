@@ -16,6 +16,7 @@ optim_wrapper = dict(
     type='OptimWrapper',
     optimizer=dict(type='Adam', lr='${learning_rate}'),
     clip_grad=dict(max_norm=10.0),
+    accumulative_counts='${accumulate}',
 )
 step_schedule = [
     dict(type='MultiStepLR', by_epoch=True, milestones='${drops}', gamma=0.2),
