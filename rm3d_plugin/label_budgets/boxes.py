@@ -21,10 +21,13 @@ class BoxAmount:
     Attributes:
         per_scene: Boxes for each scene on average (0.2 = two per ten scenes).
         fraction: Share of all boxes in (0, 1]; 1 reveals everything, and scenes then count as completely labelled.
+        alike: Classes take turns, so that each has as many revealed boxes as another while it has usable ones, as a
+            person would choose who labels a few; False: frequent classes are drawn more often.
     """
 
     per_scene: float | None = None
     fraction: float | None = None
+    alike: bool = False
 
     def __post_init__(self) -> None:
         if (self.per_scene is None) == (self.fraction is None):
@@ -102,7 +105,7 @@ class BoxBudget:
         return {
             'seed': self.seed,
             'complete': self.complete,
-            'amount': {'per_scene': self.amount.per_scene, 'fraction': self.amount.fraction},
+            'amount': _plain_amount(self.amount),
             'revealed_per_class': by_text(self.revealed_per_class),
             'total_per_class': by_text(self.total_per_class),
             'boxes_per_scene': dict(self.boxes_per_scene),
@@ -141,8 +144,8 @@ def draw_box_budget(
 
     Guaranteed: the same arguments give the same draw, whatever the order of the scenes; every class with a usable box
     gets at least one while the amount allows (the most frequent classes first where it does not); no scene gets a
-    second box while a scene with a usable one has none, but where a class would else go empty. Beyond that every usable
-    box has its chance.
+    second box while a scene with a usable one has none, but where a class would else go empty (or, with ``alike``,
+    fall behind). Beyond that every usable box has its chance.
 
     Args:
         labels_per_scene: Scene -> class number of each box, in the order of the scene's truth.
@@ -167,7 +170,8 @@ def draw_box_budget(
         scene_of, row_of, class_of = _usable(labels, lidar_points, min_points)
         count = amount.count(len(scenes), sum(len(rows) for rows in labels.values()))
         order = np.random.default_rng(seed).permutation(len(class_of))
-        picked = order[_pick(scene_of[order], class_of[order], count)]
+        pick = _pick_alike if amount.alike else _pick
+        picked = order[pick(scene_of[order], class_of[order], count)]
         chosen = {name: tuple(sorted(row_of[picked[scene_of[picked] == i]].tolist())) for i, name in enumerate(scenes)}
     revealed = [labels[name][list(chosen[name])] for name in scenes]
     return BoxBudget(
@@ -214,6 +218,27 @@ def _usable(
             'check classes and range, or lower min_points'
         )
     return scene_of, row_of, class_of
+
+
+def _plain_amount(amount: BoxAmount) -> dict[str, Any]:
+    plain: dict[str, Any] = {'per_scene': amount.per_scene, 'fraction': amount.fraction}
+    return plain | {'alike': True} if amount.alike else plain
+
+
+def _pick_alike(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int]:
+    """Positions to take from candidates in drawn order: the classes in turn, rarest first, each from a fresh scene."""
+    numbers, frequency = np.unique(classes, return_counts=True)
+    waiting = {int(c): np.flatnonzero(classes == c).tolist() for c in numbers[np.argsort(frequency, kind='stable')]}
+    used: dict[int, int] = {}
+    taken: list[int] = []
+    while len(taken) < count and any(waiting.values()):
+        for own in waiting.values():
+            if own and len(taken) < count:
+                position = min(own, key=lambda p: (used.get(int(scenes[p]), 0), p))
+                own.remove(position)
+                taken.append(position)
+                used[int(scenes[position])] = used.get(int(scenes[position]), 0) + 1
+    return taken
 
 
 def _pick(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int]:

@@ -44,7 +44,6 @@ def config_of(work_dir: Path, budget: Any, dataset: str = 'ToyRooms') -> Any:
             model=dict(
                 type='RM3DSegmentor',
                 num_classes=3,
-
                 backbone=dict(type='SparseUNet', voxel_size=0.2, widths=[8, 16], blocks=1),
                 instance_head=dict(),
                 thing_classes=[1],
