@@ -124,6 +124,8 @@ class Semantic3DDataset(SegmentationDataset):
         """The file of a station: ``STATION.txt`` or ``STATION_xyz_intensity_rgb.txt``, in any case of letters."""
         reduced = self.benchmark == 'reduced-8' and self.split == 'test'
         for path in [*sorted(self.data_root.glob(f'*{ending}')), *sorted(self.data_root.glob(f'*/*{ending}'))]:
+            if path.parent.name.startswith('.') and path.parent != self.data_root:  # somebody is still writing there
+                continue
             stem = path.stem.lower()
             if f'{stem}_'.startswith(f'{station.lower()}_') and ('reduced' in stem) == reduced:
                 return path

@@ -153,6 +153,12 @@ def test_the_official_splits(tmp_path):
         reduced.load_truth(0)
 
 
+def test_half_written_folders_are_passed_over(tmp_path):
+    write(tmp_path / '.sg27_station4.tmp1', text='1 2')
+    write(tmp_path / 'sg27_station4')
+    assert len(one(tmp_path).load_cloud(0)) == 2
+
+
 def test_missing_stations_and_bad_choices(tmp_path):
     write(tmp_path, labels=None)
     with pytest.warns(UserWarning, match="11 of 12 stations of split 'train' are not there"):
