@@ -1,13 +1,14 @@
-"""Measure a part of RM3D: ``tools/bench.py sparse-unet --voxels 50000 --backward --threads 1 --json out.json``."""
+"""Measure a part of RM3D: ``tools/bench.py octree --points 1000000 --threads 1 --json out.json``."""
 
 import argparse
 import json
 from pathlib import Path
 
+import numba
 import torch
-from benchmarks import sparse_unet
+from benchmarks import descriptors, first_call, octree, prepare, regions, sparse_unet
 
-BENCHMARKS = (sparse_unet,)
+BENCHMARKS = (sparse_unet, octree, *descriptors.ALL, *regions.ALL, prepare, first_call)
 
 
 def main() -> None:
@@ -16,13 +17,14 @@ def main() -> None:
     commands = parser.add_subparsers(required=True, metavar='BENCHMARK')
     for benchmark in BENCHMARKS:
         command = commands.add_parser(benchmark.NAME, help=benchmark.HELP)
-        benchmark.add_arguments(command)
         command.add_argument('--threads', type=int, default=1, help='threads of torch and of our kernels')
         command.add_argument('--repeats', type=int, default=7, help='timed repeats; the median counts')
         command.add_argument('--json', type=Path, help='file that receives the numbers')
+        benchmark.add_arguments(command)
         command.set_defaults(run=benchmark.run)
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
+    numba.config.NUMBA_NUM_THREADS = args.threads
     text = json.dumps(args.run(args), indent=2)
     print(text)
     if args.json is not None:

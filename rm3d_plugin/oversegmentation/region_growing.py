@@ -9,7 +9,7 @@ from numba import njit
 
 from rm3d_plugin.ops._parallel import map_blocks
 from rm3d_plugin.ops.normals import estimate_normals
-from rm3d_plugin.ops.octree import Octree
+from rm3d_plugin.ops.octree import Knn, Octree
 from rm3d_plugin.oversegmentation.base import Oversegmenter
 from rm3d_plugin.oversegmentation.small_regions import Affinity, absorb_small, drop_small, unit_rows
 from rm3d_plugin.registry import OVERSEGMENTERS
@@ -29,7 +29,8 @@ PRESETS: dict[str, dict[str, Any]] = {
         'ground': {},
     },
 }
-BLOCK = 4096  # points whose links one thread decides at a time
+CHUNK = 1 << 14  # points whose neighbours are held with their distances
+BLOCK = 1024  # points whose links one thread decides at a time
 
 
 class Links(NamedTuple):
@@ -64,12 +65,19 @@ def link_points(
         threshold: Least affinity to join.
         affinity: Its weights.
     """
-    near = Octree(xyz).knn(xyz, neighbors + 1)
-    found = near.indices.astype(np.int64)
-    found[(near.sq_dists > np.square(reach)[:, None]) | (found == np.arange(len(xyz))[:, None])] = -1
-    joins = np.zeros(found.shape, dtype=np.bool_)
-    rows = (normals, normals.any(axis=1), descriptors, descriptors.any(axis=1))
-    map_blocks(lambda a, b: _join_block(a, b, found, *rows, float(threshold), *affinity, joins), len(xyz), BLOCK)
+    tree = Octree(xyz)
+    found = np.empty((len(xyz), neighbors + 1), dtype=np.int32)
+    joins = np.empty(found.shape, dtype=np.bool_)
+    known = (normals, normals.any(axis=1), descriptors, descriptors.any(axis=1))
+    limits, condition = np.square(reach, dtype=np.float64), (float(threshold), *affinity)
+    for first in range(0, len(xyz), CHUNK):
+        rows = tree.order[first : first + CHUNK]
+        near = tree.knn(xyz[rows], neighbors + 1)
+
+        def work(start: int, stop: int, rows: np.ndarray = rows, near: Knn = near) -> None:
+            _link_block(start, stop, rows, near.indices, near.sq_dists, limits, *known, *condition, found, joins)
+
+        map_blocks(work, len(rows), BLOCK)
     return Links(found, joins)
 
 
@@ -201,10 +209,13 @@ class RegionGrowing(Oversegmenter):
 
 
 @njit(cache=True, nogil=True)
-def _join_block(
+def _link_block(
     start: int,
     stop: int,
-    neighbors: np.ndarray,
+    rows: np.ndarray,
+    indices: np.ndarray,
+    sq_dists: np.ndarray,
+    limits: np.ndarray,
     normals: np.ndarray,
     known_normal: np.ndarray,
     descriptors: np.ndarray,
@@ -213,14 +224,18 @@ def _join_block(
     normal_weight: float,
     descriptor_weight: float,
     normalised: bool,
+    neighbors: np.ndarray,
     joins: np.ndarray,
 ) -> None:
-    """Condition 1 for the points start..stop-1; compares squares, which spares the root."""
-    for i in range(start, stop):
-        for slot in range(neighbors.shape[1]):
-            j = neighbors[i, slot]
-            if j < 0:
+    """Neighbours within reach of ``rows[start:stop]``, and Condition 1; compares squares, which spares the root."""
+    for at in range(start, stop):
+        i = rows[at]
+        for slot in range(indices.shape[1]):
+            j = indices[at, slot]
+            if j == i or j < 0 or sq_dists[at, slot] > limits[i]:
+                neighbors[i, slot], joins[i, slot] = -1, False
                 continue
+            neighbors[i, slot] = j
             squared, total = 0.0, 0.0
             if known_normal[i] and known_normal[j]:
                 dot = 0.0

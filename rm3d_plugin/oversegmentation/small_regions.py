@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
+from numba import njit
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -95,10 +96,29 @@ def _adjacent_regions(
     labels: Int[np.ndarray, ' points'], neighbors: Int[np.ndarray, 'points k']
 ) -> Int[np.ndarray, 'pairs 2']:
     """Pairs of regions that own neighbouring points, in both orders, sorted."""
-    near = np.where(neighbors >= 0, labels[neighbors], labels[:, None])
-    rows, slots = np.nonzero(near != labels[:, None])
-    a, b = labels[rows], near[rows, slots]
+    a, b = _crossing_links(labels, neighbors)
     return _unique_pairs(np.concatenate([a, b]), np.concatenate([b, a]))
+
+
+@njit(cache=True, nogil=True)
+def _crossing_links(labels: np.ndarray, neighbors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Labels of both ends of each link between two regions; without repeats in a row."""
+    count, capacity = 0, 1024
+    a, b = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+    for i in range(len(labels)):
+        if count + neighbors.shape[1] > capacity:
+            capacity = 2 * (count + neighbors.shape[1])
+            more_a, more_b = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+            more_a[:count], more_b[:count] = a[:count], b[:count]
+            a, b = more_a, more_b
+        last = labels[i]
+        for slot in range(neighbors.shape[1]):
+            j = neighbors[i, slot]
+            if j >= 0 and labels[j] != labels[i] and labels[j] != last:
+                last = labels[j]
+                a[count], b[count] = labels[i], last
+                count += 1
+    return a[:count], b[:count]
 
 
 def _unique_pairs(a: Int[np.ndarray, ' pairs'], b: Int[np.ndarray, ' pairs']) -> Int[np.ndarray, 'unique 2']:

@@ -23,17 +23,39 @@ class Seconds(NamedTuple):
     cpu: float
 
 
-def interleaved_medians(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, Seconds]:
-    """Median seconds of each job; the jobs take turns, so that other load on the machine meets all of them."""
+def interleaved_medians(
+    jobs: Mapping[str, Callable[[], object]], repeats: int, warm: bool = True
+) -> dict[str, Seconds]:
+    """Median seconds of each job; the jobs take turns, so that other load on the machine meets all of them.
+
+    Args:
+        jobs: What to time; one that returns ``Seconds`` (another program's own measure) is taken at its word.
+        repeats: Timed rounds.
+        warm: Run each job once before, untimed: compiles, fills caches.
+    """
     times: dict[str, list[tuple[float, float]]] = {name: [] for name in jobs}
-    for job in jobs.values():
-        job()  # compiles, fills caches
+    if warm:
+        for job in jobs.values():
+            job()
     for _ in range(repeats):
         for name, job in jobs.items():
             wall, cpu = time.perf_counter(), time.process_time()
-            job()
-            times[name].append((time.perf_counter() - wall, time.process_time() - cpu))
+            told = job()
+            spent = Seconds(time.perf_counter() - wall, time.process_time() - cpu)
+            times[name].append(told if isinstance(told, Seconds) else spent)
     return {name: Seconds(*map(statistics.median, zip(*values, strict=True))) for name, values in times.items()}
+
+
+def table(seconds: Mapping[str, Seconds], ours: str) -> dict[str, dict[str, float]]:
+    """Seconds of each job, and how many times as long as ours it takes in processor time."""
+    return {
+        name: {
+            'wall_s': round(found.wall, 4),
+            'cpu_s': round(found.cpu, 4),
+            'times_ours': round(found.cpu / seconds[ours].cpu, 2),
+        }
+        for name, found in seconds.items()
+    }
 
 
 def matrix_product(side: int = 768) -> tuple[Callable[[], object], float]:
@@ -55,5 +77,6 @@ def machine() -> dict[str, Any]:
         'torch': torch.__version__,
         'torch_threads': torch.get_num_threads(),
         'numba': numba.__version__,
+        'numba_threads': int(numba.config.NUMBA_NUM_THREADS),
         'python': platform.python_version(),
     }
