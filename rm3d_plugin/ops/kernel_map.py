@@ -1,6 +1,7 @@
 """Pairs of input and output voxels per kernel offset: built once per level and shared by its layers."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
@@ -73,6 +74,16 @@ class KernelMap:
         """The map of the inverse convolution: from the output rows back to the input rows."""
         return KernelMap(self.pair_out, self.pair_in, self.starts, self.n_out, self.n_in)
 
+    @cached_property
+    def padded_pairs(self) -> tuple[Int32[Tensor, '2 offsets most'], Int32[Tensor, 'offsets']]:
+        """The pairs as spconv takes them, filled up with -1, and their number for each offset."""
+        counts = torch.from_numpy(self.starts).diff()
+        pairs = self.pair_in.new_full((2, len(counts), max(self.n_in, self.n_out, 1)), -1)
+        for k, (start, count) in enumerate(zip(self.starts.tolist(), counts.tolist(), strict=False)):
+            pairs[0, k, :count] = self.pair_in[start : start + count]
+            pairs[1, k, :count] = self.pair_out[start : start + count]
+        return pairs, counts.int().to(pairs.device)
+
 
 @dataclass
 class VoxelLevel:
@@ -100,6 +111,17 @@ class VoxelLevel:
 
     def __len__(self) -> int:
         return len(self.coords)
+
+    @property
+    def keys(self) -> Int64[Tensor, 'voxels']:
+        """The coordinates, packed: equal for equal coordinates only."""
+        return self._keys
+
+    def nbytes(self) -> int:
+        """Memory of the level, and of all maps and coarser levels made from it so far."""
+        own = self.coords.nbytes + self._keys.nbytes
+        maps = sum(m.pair_in.nbytes + m.pair_out.nbytes for m in self._maps.values())
+        return own + maps + sum(level.nbytes() for level in self._coarser.values())
 
     def coarser(self, stride: Triple) -> 'VoxelLevel':
         """The level of the cells ``floor(coordinate / stride)`` that hold a voxel; built on first use."""

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from rm3d_plugin.ops._backends import Backend
 from rm3d_plugin.ops.kernel_map import KernelSpec, VoxelLevel, triple
 from rm3d_plugin.ops.norm_relu import NormReLUResult, norm_relu, rows_of_all_processes
 from rm3d_plugin.ops.sparse_conv import sparse_conv
@@ -45,6 +46,7 @@ class SparseConv(nn.Module):
         bias: bool = False,
     ) -> None:
         super().__init__()
+        self.backend: Backend = 'auto'
         self.spec = KernelSpec(
             triple(kernel_size, 'kernel_size'), triple(stride, 'stride'), triple(dilation, 'dilation')
         )
@@ -54,7 +56,7 @@ class SparseConv(nn.Module):
     def forward(self, inputs: SparseFeatures) -> SparseFeatures:
         """Features on ``inputs.level.coarser(stride)``."""
         kernel_map = inputs.level.kernel_map(self.spec)
-        values = sparse_conv(inputs.values, self.weight, kernel_map, self.bias)
+        values = sparse_conv(inputs.values, self.weight, kernel_map, self.bias, self.backend)
         return SparseFeatures(values, inputs.level.coarser(self.spec.stride))
 
 
@@ -73,6 +75,7 @@ class InverseConv(nn.Module):
         self, in_channels: int, out_channels: int, kernel_size: int = 2, stride: int = 2, bias: bool = False
     ) -> None:
         super().__init__()
+        self.backend: Backend = 'auto'
         self.spec = KernelSpec(triple(kernel_size, 'kernel_size'), triple(stride, 'stride'))
         self.weight = _kaiming_weight(len(self.spec.offsets()), in_channels, out_channels)
         self.bias = nn.Parameter(torch.zeros(out_channels)) if bias else None
@@ -80,7 +83,7 @@ class InverseConv(nn.Module):
     def forward(self, inputs: SparseFeatures, finer: VoxelLevel) -> SparseFeatures:
         """Features on ``finer``, the level whose ``coarser(stride)`` is ``inputs.level``."""
         kernel_map = finer.kernel_map(self.spec).transposed()
-        return SparseFeatures(sparse_conv(inputs.values, self.weight, kernel_map, self.bias), finer)
+        return SparseFeatures(sparse_conv(inputs.values, self.weight, kernel_map, self.bias, self.backend), finer)
 
 
 class NormReLU(nn.Module):

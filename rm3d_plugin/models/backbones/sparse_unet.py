@@ -11,7 +11,8 @@ from torch import Tensor, nn
 from torch.utils.checkpoint import checkpoint
 
 from rm3d_plugin.models.backbones.layers import InverseConv, NormReLU, ResidualBlock, SparseConv, SparseFeatures
-from rm3d_plugin.ops.kernel_map import VoxelLevel
+from rm3d_plugin.ops._backends import Backend, check_backend
+from rm3d_plugin.ops.level_cache import LevelCache
 from rm3d_plugin.ops.voxelize import gather_rows, voxelize
 from rm3d_plugin.registry import MODELS
 
@@ -42,6 +43,8 @@ class SparseUNet(nn.Module):
         reduce: How the points of a voxel become one row.
         preset: ``'small'``, ``'paper'`` (m = 16, seven levels) or ``'large'`` (m = 32): replaces ``widths``.
         checkpointing: Recompute the blocks in backward: less memory, about a third more time.
+        backend: ``'auto'``: spconv on CUDA where it is installed, else our convolutions; or ``'ours'``, ``'spconv'``.
+        map_cache: Megabytes of kernel maps that are kept for batches that come again; 0 keeps none.
 
     Attributes:
         out_channels: Columns of the output, the width of the finest level.
@@ -58,8 +61,11 @@ class SparseUNet(nn.Module):
         reduce: Literal['mean', 'first'] = 'mean',
         preset: str | None = None,
         checkpointing: bool = False,
+        backend: Backend = 'auto',
+        map_cache: int = 256,
     ) -> None:
         super().__init__()
+        check_backend(backend)
         if preset is not None and preset not in PRESETS:
             raise ValueError(f'preset must be one of {sorted(PRESETS)} or None, got {preset!r}')
         widths = tuple(widths) if preset is None else PRESETS[preset]
@@ -75,6 +81,10 @@ class SparseUNet(nn.Module):
         self.stem = SparseConv(in_channels, widths[0])
         self.body = _Stage(widths, blocks, bn_eps, bn_momentum, checkpointing)
         self.norm = NormReLU(widths[0], bn_eps, bn_momentum)
+        self.levels = LevelCache(map_cache)
+        for module in self.modules():
+            if isinstance(module, SparseConv | InverseConv):
+                module.backend = backend
 
     def forward(
         self,
@@ -95,7 +105,7 @@ class SparseUNet(nn.Module):
         if len(xyz) == 0:
             raise ValueError('SparseUNet got a batch without any point; leave such batches out in the data loader')
         voxels = voxelize(xyz, features, batch_offsets, self.voxel_size, self.reduce)
-        hidden = self.stem(SparseFeatures(voxels.features, VoxelLevel(voxels.coords)))
+        hidden = self.stem(SparseFeatures(voxels.features, self.levels(voxels.coords)))
         hidden = self.body(hidden)
         return gather_rows(self.norm(hidden.values), voxels.point_to_voxel)
 
