@@ -25,7 +25,8 @@ def bag(rng: np.random.Generator, palette: Palette) -> Thing:
     d, w, h = pick(rng, 0.1, 0.2), pick(rng, 0.15, 0.26), pick(rng, 0.28, 0.5)
     cloth = palette.of('fabric', 'plastic')
     body = rings(ellipse((0, 0), (d, w), 12), [(0.0, 0.8), (0.3 * h, 1.0), (0.8 * h, 0.8), (h, 0.35)])
-    parts: list[Part] = [(tilted(body, pick(rng, -0.25, 0.25), (0, 0, 0)), cloth)]
+    slumped = tilted(body, pick(rng, -0.25, 0.25), (0, 0, 0))
+    parts: list[Part] = [(slumped.moved((0, 0, -float(slumped.bounds[0][2]))), cloth)]
     if rng.random() < 0.6:
         parts.append((cushion((d * 0.7, -0.7 * w, 0.04), (d + 0.07, 0.7 * w, 0.5 * h), 0.03), cloth))
     return thing('bag', parts)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-ROOMS_VERSION = 1  # raise whenever the bytes of a room change
+ROOMS_VERSION = 2  # raise whenever the bytes of a room change
 MARKER = 'demo.json'
+PARTIAL = '.partial'
 
 
 def fill_demo(
@@ -26,7 +27,7 @@ def fill_demo(
 ) -> Path:
     """Make what is missing of a demo data set, or leave it as it is where it is complete and of these parameters.
 
-    Each room is written into a folder beside its own, which then takes its name: what was interrupted goes on where it
+    Each room is written elsewhere in the root and then moved to its place: what was interrupted goes on where it
     stopped, and there are no half rooms.
 
     Args:
@@ -61,8 +62,9 @@ def fill_demo(
     write_bytes(root / 'README.txt', readme.encode('ascii'))
     write_bytes(root / MARKER, _marker_text(wanted, False))
     missing = [item for item in todo if not item[0].is_dir()]
-    for _ in tqdm(_run(missing, workers), title, len(missing), disable=not progress):
+    for _ in tqdm(_run(root / PARTIAL, missing, workers), title, len(missing), disable=not progress):
         pass
+    shutil.rmtree(root / PARTIAL, ignore_errors=True)  # also what killed runs left
     finish()
     write_bytes(root / MARKER, _marker_text(wanted, True))
     return root
@@ -90,21 +92,22 @@ def _read_marker(root: Path) -> dict[str, object] | None:
     return content if isinstance(content, dict) else None
 
 
-def _run(todo: Sequence[tuple[Path, Callable[[Path], None]]], workers: int) -> Iterator[None]:
+def _run(partial: Path, todo: Sequence[tuple[Path, Callable[[Path], None]]], workers: int) -> Iterator[None]:
     if workers == 1 or len(todo) < 2:
         for folder, write in todo:
-            _make_one(folder, write)
+            _make_one(partial, folder, write)
             yield
         return
     from joblib import Parallel, delayed
 
-    jobs = (delayed(_make_one)(folder, write) for folder, write in todo)
+    jobs = (delayed(_make_one)(partial, folder, write) for folder, write in todo)
     yield from Parallel(n_jobs=workers, return_as='generator')(jobs)
 
 
-def _make_one(folder: Path, write: Callable[[Path], None]) -> None:
-    partial = folder.with_name(f'.{folder.name}.tmp{os.getpid()}')
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    write(partial)
-    os.replace(partial, folder)
+def _make_one(partial: Path, folder: Path, write: Callable[[Path], None]) -> None:
+    half = partial / f'{folder.parent.name}_{folder.name}.{os.getpid()}'
+    shutil.rmtree(half, ignore_errors=True)
+    half.mkdir(parents=True)
+    write(half)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    os.replace(half, folder)

@@ -18,12 +18,12 @@ from rm3d_plugin.datasets.synthetic.shapes import cos_sin
 
 # Metres: length, width, height.
 _SIZES = {
-    'office': ((3.2, 4.8), (2.8, 4.2), (2.5, 2.9)),
-    'bedroom': ((3.3, 4.6), (3.0, 4.0), (2.4, 2.7)),
-    'kitchen': ((2.8, 4.4), (2.4, 3.6), (2.4, 2.7)),
+    'office': ((3.0, 4.4), (2.7, 3.8), (2.4, 2.8)),
+    'bedroom': ((3.1, 4.2), (2.9, 3.7), (2.4, 2.7)),
+    'kitchen': ((2.8, 4.0), (2.4, 3.3), (2.4, 2.7)),
     'bathroom': ((2.3, 3.2), (1.9, 2.7), (2.3, 2.6)),
-    'living': ((3.8, 5.2), (3.4, 4.6), (2.4, 2.9)),
-    'studio': ((4.4, 5.6), (3.6, 4.6), (2.4, 2.8)),
+    'living': ((3.6, 4.8), (3.2, 4.2), (2.4, 2.8)),
+    'studio': ((4.2, 5.2), (3.5, 4.3), (2.4, 2.7)),
     'conference': ((4.0, 6.0), (3.2, 4.4), (2.5, 3.0)),
     'hallway': ((4.8, 7.5), (1.5, 2.3), (2.4, 2.9)),
 }
@@ -41,7 +41,7 @@ def random_layout(rng: np.random.Generator, kind: str, structure: float) -> Layo
         raise ValueError(f'kind: expected one of {", ".join(ROOM_KINDS)}, got {kind!r}')
     length, width, height = (round(pick(rng, *bounds), 3) for bounds in _SIZES[kind])
     layout = Layout(kind, (length, width, height), rng, Palette(rng))
-    if min(length, width) > 3.0 and rng.random() < 0.35:
+    if min(length, width) > 3.0 and rng.random() < 0.25:
         plan.add_corner(layout)
     if rng.random() < structure and width > 2.4:
         plan.add_column(layout)
@@ -70,7 +70,7 @@ def lay_clutter(layout: Layout, pose: Pose, tops: tuple[Top, ...], amount: float
 
 
 def _wall_thing(layout: Layout, item: Thing, amount: float = 1.0) -> Pose | None:
-    pose = layout.against_wall([item])
+    pose = layout.against_wall([item], tries=30)
     if pose is not None:
         lay_clutter(layout, pose, item.tops, amount)
     return pose
@@ -90,7 +90,9 @@ def _seat_at(layout: Layout, pose: Pose, item: Thing, below: Rect) -> None:
 def _add_desk(layout: Layout) -> None:
     rng, palette = layout.rng, layout.palette
     item = tables.desk(rng, palette)
-    pose = layout.against_wall([item]) if rng.random() < 0.8 else layout.somewhere([item], margin=0.8)
+    pose = (
+        layout.against_wall([item], tries=40) if rng.random() < 0.8 else layout.somewhere([item], margin=0.6, tries=40)
+    )
     if pose is None:
         return
     lay_clutter(layout, pose, item.tops, 1.5)
@@ -113,7 +115,7 @@ def _add_table(layout: Layout, places: int, wall: float = 0.3) -> None:
     pose = (
         layout.against_wall([item])
         if rng.random() < wall
-        else layout.somewhere([item], margin=1.0, tries=20, straight=0.8)
+        else layout.somewhere([item], margin=0.6, tries=50, straight=0.8)
     )
     if pose is None:
         return
@@ -158,13 +160,15 @@ def _office(layout: Layout) -> None:
         plan.add_window(layout, curtains=0.25)
     if rng.random() < 0.6:
         layout.hang(fixtures.whiteboard(rng, palette, pick(rng, 1.0, 2.2), pick(rng, 0.8, 1.2)), pick(rng, 0.8, 1.0))
-    for _ in range(1 + int(rng.random() * 2.5)):
+    for _ in range(1 + int(rng.random() * 3)):
         _add_desk(layout)
-    for maker, most in ((storage.bookshelf, 2.2), (storage.cabinet, 2.4)):
+    for maker, most in ((storage.bookshelf, 2.4), (storage.cabinet, 2.8)):
         for _ in range(int(rng.random() * most + 0.5)):
             _wall_thing(layout, maker(rng, palette))
-    if rng.random() < 0.35:
+    if rng.random() < 0.6:
         _add_table(layout, 4)
+    if rng.random() < 0.4:
+        _wall_thing(layout, seats.sofa(rng, palette))
     if rng.random() < 0.4:
         layout.somewhere([seats.armchair(rng, palette)])
     if rng.random() < 0.5:
@@ -174,21 +178,23 @@ def _office(layout: Layout) -> None:
 
 def _bedroom(layout: Layout) -> None:
     rng, palette = layout.rng, layout.palette
-    plan.add_window(layout, curtains=0.85)
     _add_bed(layout)
+    plan.add_window(layout, curtains=0.85)
     if rng.random() < 0.8:
         _wall_thing(layout, storage.wardrobe(rng, palette))
     for maker, chance in (
         (storage.dresser, 0.4),
         (storage.cabinet, 0.5),
-        (storage.bookshelf, 0.45),
+        (storage.bookshelf, 0.6),
         (seats.armchair, 0.35),
     ):
         if rng.random() < chance:
             _wall_thing(layout, maker(rng, palette))
-    if rng.random() < 0.5:
+    if rng.random() < 0.9:
         _add_desk(layout)
     if rng.random() < 0.3:
+        _wall_thing(layout, seats.sofa(rng, palette))
+    if rng.random() < 0.35:
         layout.somewhere([seats.ottoman(rng, palette)])
     if rng.random() < 0.4:
         layout.hang(fixtures.mirror(rng, palette, pick(rng, 0.4, 0.8), pick(rng, 0.8, 1.4)), pick(rng, 0.4, 0.8))
@@ -232,7 +238,7 @@ def _kitchen(layout: Layout) -> None:
     if placed and rng.random() < 0.45:
         _add_kitchen_row(layout, pick(rng, 0.8, 1.6), sink=False)
     plan.add_window(layout, curtains=0.3, small=rng.random() < 0.4)
-    if rng.random() < 0.8:
+    if rng.random() < 0.95:
         _add_table(layout, 4, wall=0.5)
     if rng.random() < 0.4:
         _wall_thing(layout, storage.cabinet(rng, palette))
@@ -247,7 +253,7 @@ def _bathroom(layout: Layout) -> None:
     for length in (pick(rng, 1.45, 1.75), 1.35):
         tub = tables.bathtub(rng, palette, min(length, longest - 0.1))
         group = [tub]
-        if rng.random() < 0.8:
+        if rng.random() < 0.9:
             edge, high = float(tub.bounds[1][0]), pick(rng, 1.85, 2.1)
             cloth = fixtures.shower_curtain(rng, palette, length - 0.02, pick(rng, 0.12, 0.4), high)
             group.append(cloth.moved((edge - 0.06, 0.0, 0.0)))
@@ -272,7 +278,7 @@ def _lounge(layout: Layout) -> None:
     rng, palette = layout.rng, layout.palette
     item = seats.sofa(rng, palette)
     pose = (
-        layout.against_wall([item], tries=20) if rng.random() < 0.75 else layout.somewhere([item], margin=0.8, tries=20)
+        layout.against_wall([item], tries=40) if rng.random() < 0.75 else layout.somewhere([item], margin=0.6, tries=50)
     )
     if pose is None:
         return
@@ -290,7 +296,7 @@ def _living(layout: Layout) -> None:
     for _ in range(1 + int(rng.random() * 2)):
         plan.add_window(layout, curtains=0.7)
     _lounge(layout)
-    if rng.random() < 0.35:
+    if rng.random() < 0.5:
         layout.against_wall([seats.sofa(rng, palette)])
     for maker, chance in (
         (storage.tv_stand, 0.6),
@@ -304,6 +310,8 @@ def _living(layout: Layout) -> None:
         if rng.random() < chance:
             layout.somewhere([maker(rng, palette)])
     if rng.random() < 0.5:
+        _add_desk(layout)
+    if rng.random() < 0.8:
         _add_table(layout, 4)
     if rng.random() < 0.6:
         _add_tv(layout)
@@ -318,15 +326,15 @@ def _studio(layout: Layout) -> None:
     _add_kitchen_row(layout, pick(rng, 1.3, 1.9))
     plan.add_window(layout, curtains=0.7)
     layout.against_wall([storage.refrigerator(rng, palette)])
-    if rng.random() < 0.8:
+    if rng.random() < 0.9:
         _lounge(layout)
-    if rng.random() < 0.8:
+    if rng.random() < 0.9:
         _add_desk(layout)
-    if rng.random() < 0.5:
+    if rng.random() < 0.65:
         _wall_thing(layout, storage.bookshelf(rng, palette))
     if rng.random() < 0.5:
         _wall_thing(layout, storage.wardrobe(rng, palette))
-    if rng.random() < 0.5:
+    if rng.random() < 0.7:
         _add_table(layout, 4)
     _hang_pictures(layout, 3)
 
@@ -340,7 +348,7 @@ def _conference(layout: Layout) -> None:
         layout.hang(fixtures.whiteboard(rng, palette, pick(rng, 1.2, 2.4), pick(rng, 0.9, 1.3)), pick(rng, 0.8, 1.0))
     if rng.random() < 0.5:
         _add_tv(layout)
-    for maker, chance in ((storage.cabinet, 0.6), (storage.bookshelf, 0.35), (storage.cabinet, 0.3), (seats.sofa, 0.3)):
+    for maker, chance in ((storage.cabinet, 0.6), (storage.bookshelf, 0.35), (storage.cabinet, 0.3), (seats.sofa, 0.5)):
         if rng.random() < chance:
             _wall_thing(layout, maker(rng, palette))
     for _ in range(int(rng.random() * 3)):

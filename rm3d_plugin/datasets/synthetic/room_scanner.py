@@ -148,7 +148,7 @@ def plan_views(layout: Layout, scanner: Scanner, rng: np.random.Generator) -> li
         start = np.arctan2(width / 2 - y, length / 2 - x) + pick(rng, -1.4, 1.4)
         for k in range(5):
             yaw = float(np.round(start, 9)) + (k - 2) * pick(rng, 0.35, 0.75)
-            pitch = pick(rng, -0.75, 0.12) if rng.random() < 0.85 else pick(rng, 0.1, 0.5)
+            pitch = pick(rng, -0.8, 0.05) if rng.random() < 0.88 else pick(rng, 0.1, 0.5)
             views.append(view_from((x, y, pick(rng, 1.25, 1.7)), yaw, pitch))
             x, y = _step(layout, rng, x, y)
     return views

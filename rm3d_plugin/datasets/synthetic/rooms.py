@@ -10,13 +10,19 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from rm3d_plugin.datasets.synthetic.room_fusion import fuse, mesh_faces, mesh_segments
-from rm3d_plugin.datasets.synthetic.room_kinds import ROOM_KINDS, random_layout
+from rm3d_plugin.datasets.synthetic.room_kinds import random_layout
 from rm3d_plugin.datasets.synthetic.room_layout import Layout
 from rm3d_plugin.datasets.synthetic.room_scanner import DepthCamera, Scanner, View, plan_views, shoot, surfaces_of
 from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES
 from rm3d_plugin.datasets.synthetic.shapes import cos_sin
 
 SPACING = 0.035  # m between points
+# Kinds of rooms in turn: every eight have each of the first five and a studio, and two that change.
+TURNS = tuple(
+    kind
+    for pair in (('bathroom', 'conference'), ('conference', 'hallway'), ('office', 'conference'))
+    for kind in ('office', 'bathroom', 'bedroom', 'kitchen', 'living', 'studio', *pair)
+)
 FINEST, COARSEST = 0.002, 0.2  # m
 
 
@@ -71,8 +77,8 @@ class RoomScan:
 
 
 def room_kind(index: int) -> str:
-    """Rooms take turns, so that every eight rooms in a row hold each kind once."""
-    return ROOM_KINDS[index % len(ROOM_KINDS)]
+    """Rooms take turns, so that rooms in a row are of many kinds."""
+    return TURNS[index % len(TURNS)]
 
 
 def make_layout(seed: int, index: int, kind: str | None = None, structure: float = 0.25) -> Layout:
@@ -93,8 +99,8 @@ def make_room(
     Args:
         seed: Another seed makes other rooms.
         index: Number of the room.
-        spacing: Metres between points. Smaller: more points, about as 1 / spacing^2 (0.025: 50 thousand, 0.0035: 3
-            million), of the same room.
+        spacing: Metres between points. Smaller: more points of the same room, about as 1 / spacing^2 (0.035: 45
+            thousand, 0.006: up to 3 million).
         kind: One of ROOM_KINDS; None: by the number.
         scanner: 'handheld' walks and leaves many holes, 'tripod' turns at a few places and sees the ceiling.
         structure: Chance of columns and beams.
