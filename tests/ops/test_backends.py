@@ -1,4 +1,4 @@
-"""The same weights in spconv and in ours; skipped where spconv is not installed (one CPU thread: more give wrong rows)."""
+"""The same weights in spconv and in ours; skipped where spconv is not installed (more threads give wrong rows)."""
 
 import pytest
 import torch

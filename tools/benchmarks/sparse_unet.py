@@ -11,6 +11,7 @@ from rm3d_plugin.models.backbones.layers import InverseConv, SparseConv, SparseF
 from rm3d_plugin.models.backbones.sparse_unet import SparseUNet
 from rm3d_plugin.ops._parallel import set_threads
 from rm3d_plugin.ops.kernel_map import KernelSpec, VoxelLevel
+from rm3d_plugin.ops.sparse_conv import sparse_conv
 from rm3d_plugin.ops.voxelize import voxelize
 
 NAME = 'sparse-unet'
@@ -31,11 +32,17 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     torch.manual_seed(0)
     xyz = room_voxels(args.voxels)
     features, offsets = torch.rand(len(xyz), 4), torch.tensor([0, len(xyz)])
-    net = SparseUNet(4, 1.0, args.channels, args.blocks)
+    net = SparseUNet(4, 1.0, args.channels, args.blocks, map_cache=0)
     operations = count_operations(net, xyz, features, offsets)
     product, product_operations = matrix_product()
     level = VoxelLevel(voxelize(xyz, features, offsets, 1.0).coords)
     spec = KernelSpec((3, 3, 3))
+
+    conv_map, conv_rows, conv_weight = level.kernel_map(spec), torch.rand(len(level), 32), torch.rand(27, 32, 32)
+
+    def conv() -> torch.Tensor:
+        with torch.no_grad():
+            return sparse_conv(conv_rows, conv_weight, conv_map)
 
     def forward() -> torch.Tensor:
         with torch.no_grad():
@@ -45,14 +52,19 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         net.zero_grad()
         net(xyz, features, offsets).square().mean().backward()
 
-    jobs: dict[str, Any] = {'forward_s': forward, 'kernel_map_s': lambda: VoxelLevel(level.coords).kernel_map(spec)}
+    jobs: dict[str, Any] = {
+        'forward_s': forward,
+        'conv_s': conv,
+        'kernel_map_s': lambda: VoxelLevel(level.coords).kernel_map(spec),
+        'kernel_maps_s': lambda: all_maps(level.coords, len(args.channels)),
+    }
     if args.backward:
         jobs['forward_backward_s'] = forward_backward
     jobs['product'] = product
     if importlib.util.find_spec('spconv') is not None:
         from benchmarks.spconv_unet import jobs as spconv_jobs
 
-        jobs |= spconv_jobs(level.coords, features, args.channels, args.blocks, args.backward)
+        jobs |= spconv_jobs(level.coords, features, args.channels, args.blocks, args.backward, conv_rows)
     seconds = interleaved_medians(jobs, args.repeats)
     rate = product_operations / seconds.pop('product').cpu
     result = {
@@ -70,8 +82,21 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.backward:
         total = 3 * operations  # backward: as much again for the inputs' gradient, and for the weights'
         result['forward_backward_flops'] = total
+        result['kernel_maps_share'] = seconds['kernel_maps_s'].cpu / seconds['forward_backward_s'].cpu
         result['forward_backward_share_of_gemm'] = total / seconds['forward_backward_s'].cpu / rate
     return result
+
+
+def all_maps(coords: torch.Tensor, levels: int) -> VoxelLevel:
+    """Every level of a U-Net with every map that its layers ask for."""
+    first = level = VoxelLevel(coords)
+    for depth in range(levels):
+        level.kernel_map(KernelSpec((3, 3, 3)))
+        level.kernel_map(KernelSpec((1, 1, 1)))  # where blocks change their width
+        if depth + 1 < levels:
+            level.kernel_map(KernelSpec((2, 2, 2), (2, 2, 2)))
+            level = level.coarser((2, 2, 2))
+    return first
 
 
 def room_voxels(count: int) -> torch.Tensor:

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 
 def jobs(
-    coords: Tensor, features: Tensor, channels: Sequence[int], blocks: int, backward: bool
+    coords: Tensor, features: Tensor, channels: Sequence[int], blocks: int, backward: bool, conv_rows: Tensor
 ) -> dict[str, Callable[[], object]]:
     """Timed jobs; spconv wants int32 coordinates from zero and finds its pairs anew for every tensor, as ours do."""
     indices = torch.cat([coords[:, :1], coords[:, 1:] - coords[:, 1:].min(dim=0).values], dim=1).int()
@@ -29,7 +29,20 @@ def jobs(
         net.zero_grad()
         forward().square().mean().backward()
 
-    found: dict[str, Callable[[], object]] = {'spconv_forward_s': forward_only}
+    width = conv_rows.shape[1]
+    layer = spconv.SubMConv3d(width, width, 3, bias=False, indice_key='one')
+
+    def conv(tensor: spconv.SparseConvTensor) -> Tensor:
+        with torch.no_grad():
+            return layer(tensor).features
+
+    mapped = spconv.SparseConvTensor(conv_rows, indices, shape, 1)
+    conv(mapped)  # leaves its pairs in the tensor
+    found: dict[str, Callable[[], object]] = {
+        'spconv_forward_s': forward_only,
+        'spconv_conv_s': lambda: conv(mapped),
+        'spconv_conv_with_map_s': lambda: conv(spconv.SparseConvTensor(conv_rows, indices, shape, 1)),
+    }
     return found | ({'spconv_forward_backward_s': forward_backward} if backward else {})
 
 

@@ -1,0 +1,82 @@
+"""A training step of the sparse U-Net with Adam, on one synthetic room at several sizes."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from benchmarks.measure import interleaved_medians, machine
+from benchmarks.sparse_unet import all_maps, room_voxels
+from rm3d_plugin.datasets.synthetic.rooms import make_room
+from rm3d_plugin.models.backbones.sparse_unet import PRESETS, SparseUNet
+from rm3d_plugin.ops._parallel import set_threads
+from rm3d_plugin.ops.voxelize import voxelize
+
+NAME = 'training-step'
+HELP = 'forward, backward and step of a preset of the sparse U-Net'
+CLASSES = 20
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the benchmark."""
+    parser.add_argument('--preset', choices=sorted(PRESETS), default='small', help='widths of the network')
+    parser.add_argument('--voxels', type=int, nargs='*', default=[10000, 100000, 400000], help='sizes beside the room')
+    parser.add_argument('--voxel-size', type=float, default=0.05, help='metres, of the demo room')
+    parser.add_argument('--checkpointing', action='store_true', help='recompute blocks in backward')
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Seconds of a step, voxels a second and peak memory for the demo room and for each size."""
+    set_threads(args.threads)
+    room = make_room(0, 0)
+    scenes = {'room': (torch.from_numpy(room.xyz), args.voxel_size)}
+    scenes |= {str(count): (room_voxels(count), 1.0) for count in args.voxels}
+    rows = {name: _measure(xyz, edge, args) for name, (xyz, edge) in scenes.items()}
+    return {'preset': args.preset, 'checkpointing': args.checkpointing, **rows, 'machine': machine()}
+
+
+def _measure(xyz: torch.Tensor, voxel_size: float, args: argparse.Namespace) -> dict[str, float | None]:
+    torch.manual_seed(0)
+    net = SparseUNet(3, voxel_size, preset=args.preset, checkpointing=args.checkpointing, map_cache=0)
+    head = torch.nn.Linear(net.out_channels, CLASSES)
+    optimizer = torch.optim.Adam([*net.parameters(), *head.parameters()])
+    offsets, labels = torch.tensor([0, len(xyz)]), torch.randint(0, CLASSES, (len(xyz),))
+    coords = voxelize(xyz, xyz, offsets, voxel_size).coords
+
+    def step() -> None:
+        optimizer.zero_grad()
+        torch.nn.functional.cross_entropy(head(net(xyz, xyz, offsets)), labels).backward()
+        optimizer.step()
+
+    step()  # compiles
+    _forget_peak()
+    before = _memory('VmRSS')
+    seconds = interleaved_medians(
+        {'step': step, 'maps': lambda: all_maps(coords, len(PRESETS[args.preset]))}, args.repeats
+    )
+    peak = _memory('VmHWM')
+    return {
+        'points': len(xyz),
+        'voxels': len(coords),
+        'step_s': seconds['step'].wall,
+        'step_cpu_s': seconds['step'].cpu,
+        'voxels_per_cpu_s': round(len(coords) / seconds['step'].cpu),
+        'kernel_maps_share': seconds['maps'].cpu / seconds['step'].cpu,
+        'peak_mb': None if peak is None else round(peak / 1024),
+        'before_mb': None if before is None else round(before / 1024),
+    }
+
+
+def _forget_peak() -> None:
+    """Start the peak of this process's memory anew, where the system can (Linux)."""
+    place = Path('/proc/self/clear_refs')
+    if place.exists():
+        place.write_text('5')
+
+
+def _memory(name: str) -> int | None:
+    """A figure of this process's memory in kB, or None where the system does not tell."""
+    status = Path('/proc/self/status')
+    lines = status.read_text().splitlines() if status.exists() else []
+    return next((int(line.split()[1]) for line in lines if line.startswith(f'{name}:')), None)
