@@ -8,8 +8,11 @@ import numpy as np
 from jaxtyping import Float, Int, UInt64
 from numba import njit
 
+from rm3d_plugin.ops._parallel import map_blocks
+
 BITS = 21  # per axis; three axes fill 63 of 64 bits
 DIGIT, PASSES = 11, 6  # bits that one pass of the sort looks at, and passes
+TOGETHER = 1 << 16  # codes that one thread makes or sorts at a time
 RADIX_FROM = 1 << 12  # fewer codes are sorted by comparison
 
 
@@ -59,30 +62,52 @@ def _bounds(points, low, high):
 
 
 @njit(cache=True, nogil=True)
-def _radix_sort(codes, order, other_codes, other_order):
-    """Sort codes, and with them their order, by eleven bits at a time; True where the result is in the other arrays."""
-    n = codes.shape[0]
-    counts = np.zeros((PASSES, 1 << DIGIT), dtype=np.int64)
-    for i in range(n):
-        code = codes[i]
-        for turn in range(PASSES):
-            counts[turn, (code >> np.uint64(DIGIT * turn)) & np.uint64((1 << DIGIT) - 1)] += 1
-    swapped = False
-    for turn in range(PASSES):
-        count, shift = counts[turn], np.uint64(DIGIT * turn)
-        if count.max() == n:
-            continue
-        to = 0
-        for digit in range(1 << DIGIT):
-            count[digit], to = to, to + count[digit]
-        for i in range(n):
-            digit = (codes[i] >> shift) & np.uint64((1 << DIGIT) - 1)
-            to = count[digit]
-            other_codes[to], other_order[to] = codes[i], order[i]
-            count[digit] = to + 1
-        codes, other_codes, order, other_order = other_codes, codes, other_order, order
-        swapped = not swapped
-    return swapped
+def _split(codes, out_codes, out_order, starts):
+    """Put codes and their numbers into buckets by their highest digit, in their order; ``starts``: of each bucket."""
+    shift = np.uint64(DIGIT * (PASSES - 1))
+    starts[:] = 0
+    for code in codes:
+        starts[(code >> shift) + np.uint64(1)] += 1
+    for digit in range(1, len(starts)):
+        starts[digit] += starts[digit - 1]
+    place = starts[:-1].copy()
+    for i in range(len(codes)):
+        digit = codes[i] >> shift
+        to = place[digit]
+        out_codes[to], out_order[to] = codes[i], i
+        place[digit] = to + 1
+
+
+@njit(cache=True, nogil=True)
+def _sort_buckets(codes, order, starts, first, last):
+    """Sort each of some buckets by the lower digits, lowest first."""
+    size = 0
+    for bucket in range(first, last):
+        size = max(size, starts[bucket + 1] - starts[bucket])
+    other_codes, other_order = np.empty(size, dtype=np.uint64), np.empty(size, dtype=np.int32)
+    count = np.empty(1 << DIGIT, dtype=np.int64)
+    for bucket in range(first, last):
+        begin, n = starts[bucket], starts[bucket + 1] - starts[bucket]
+        here_codes, here_order = codes[begin : begin + n], order[begin : begin + n]
+        from_codes, from_order, to_codes, to_order = here_codes, here_order, other_codes, other_order
+        swapped = False
+        for turn in range(PASSES - 1 if n > 1 else 0):
+            shift = np.uint64(DIGIT * turn)
+            count[:] = 0
+            for i in range(n):
+                count[(from_codes[i] >> shift) & np.uint64((1 << DIGIT) - 1)] += 1
+            to = 0
+            for digit in range(1 << DIGIT):
+                count[digit], to = to, to + count[digit]
+            for i in range(n):
+                digit = (from_codes[i] >> shift) & np.uint64((1 << DIGIT) - 1)
+                to = count[digit]
+                to_codes[to], to_order[to] = from_codes[i], from_order[i]
+                count[digit] = to + 1
+            from_codes, from_order, to_codes, to_order = to_codes, to_order, from_codes, from_order
+            swapped = not swapped
+        if swapped:
+            here_codes[:], here_order[:] = other_codes[:n], other_order[:n]
 
 
 def enclosing_cube(points: Float[np.ndarray, 'points 3']) -> Grid:
@@ -107,7 +132,12 @@ def morton_codes(points: Float[np.ndarray, 'points 3'], grid: Grid | None = None
     """
     cube = enclosing_cube(points) if grid is None else grid
     codes = np.empty(len(points), dtype=np.uint64)
-    _encode(np.ascontiguousarray(points, dtype=np.float64), cube.low, 2.0**BITS / cube.edge, codes)
+    array = np.ascontiguousarray(points, dtype=np.float64)
+
+    def work(start: int, stop: int) -> None:
+        _encode(array[start:stop], cube.low, 2.0**BITS / cube.edge, codes[start:stop])
+
+    map_blocks(work, len(points), TOGETHER)
     return codes
 
 
@@ -131,10 +161,17 @@ def sort_codes(codes: UInt64[np.ndarray, ' points']) -> SortedCodes:
     if n < RADIX_FROM:
         order = np.argsort(codes, kind='stable')
         return SortedCodes(order.astype(np.int32), codes[order])
-    first = codes.copy(), np.arange(n, dtype=np.int32)
-    second = np.empty(n, dtype=np.uint64), np.empty(n, dtype=np.int32)
-    final = second if _radix_sort(*first, *second) else first
-    return SortedCodes(final[1], final[0])
+    out = SortedCodes(np.empty(n, dtype=np.int32), np.empty(n, dtype=np.uint64))
+    starts = np.empty((1 << DIGIT) + 1, dtype=np.int64)
+    _split(codes, out.codes, out.order, starts)
+    # Runs of buckets of about TOGETHER codes: the blocks of the threads.
+    bounds = np.unique(np.append(np.searchsorted(starts, np.arange(0, n, TOGETHER)), len(starts) - 1))
+
+    def work(start: int, stop: int) -> None:
+        _sort_buckets(out.codes, out.order, starts, bounds[start], bounds[stop])
+
+    map_blocks(work, len(bounds) - 1, 1)
+    return out
 
 
 def morton_order(points: Float[np.ndarray, 'points 3'], grid: Grid | None = None) -> Int[np.ndarray, ' points']:

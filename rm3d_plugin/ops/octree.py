@@ -19,6 +19,7 @@ from rm3d_plugin.ops._parallel import map_blocks
 from rm3d_plugin.ops.morton import BITS, enclosing_cube, morton_codes, morton_order, sort_codes
 
 CHUNK = 1 << 14  # points of the tree whose neighbours are held at a time
+GATHERED = 1 << 16  # points that one thread puts in order at a time
 BLOCK = 4096  # queries that one thread answers at a time
 HELD = 1 << 17  # queries whose answers are held twice while they are put in order
 SORT_QUERIES_FROM = 64  # fewer queries are answered in the order they come
@@ -128,7 +129,11 @@ class Octree:
         self.order: Int[np.ndarray, ' points']
         self.order, codes = sort_codes(morton_codes(array, self._grid))
         columns = np.empty((3, len(array)))
-        gather_columns(array, self.order, columns)
+
+        def gather(start: int, stop: int) -> None:
+            gather_columns(array, self.order[start:stop], columns[:, start:stop])
+
+        map_blocks(gather, len(array), GATHERED)
         if len(array):
             nodes = build_nodes(codes, leaf_size)
             boxes, cubes = bound_nodes(columns, codes, nodes, self._grid.edge)

@@ -67,6 +67,7 @@ class DescriptorBenchmark:
             jobs, absent = self._jobs(scene, rows, Path(folder))
             self._ours(Scene(scene.xyz[:500], scene.radius, scene.normals[:500]))
             seconds = interleaved_medians(jobs, args.repeats, warm=False)
+        pairs = args.points * room.neighbors * (room.neighbors - 1) / 2
         return {
             'points': args.points,
             'point_order': args.order,
@@ -124,7 +125,7 @@ def agreement(ours: np.ndarray, theirs: np.ndarray) -> float:
 
 
 def _open3d_cloud(scene: Scene, with_normals: bool = True) -> Any:
-    import open3d as o3d
+    o3d: Any = optional('open3d')
 
     cloud = o3d.t.geometry.PointCloud(o3d.core.Tensor(scene.xyz))
     if with_normals:
@@ -139,7 +140,7 @@ def _open3d_normals(scene: Scene) -> np.ndarray:
 
 
 def _open3d_fpfh(scene: Scene) -> np.ndarray:
-    import open3d as o3d
+    o3d: Any = optional('open3d')
 
     cloud = _open3d_cloud(scene)
     rows = o3d.t.pipelines.registration.compute_fpfh_feature(cloud, radius=scene.radius, max_nn=None)

@@ -1,4 +1,4 @@
-"""Programs that our geometry is compared with, where the machine has them; a peer that is absent is named, not needed."""
+"""Programs that our geometry is compared with; one that the machine lacks is named, not needed."""
 
 import glob
 import importlib
