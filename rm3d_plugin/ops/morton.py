@@ -8,7 +8,10 @@ import numpy as np
 from jaxtyping import Float, Int, UInt64
 from numba import njit
 
+from rm3d_plugin.ops import _compile_notice
 from rm3d_plugin.ops._parallel import map_blocks
+
+_compile_notice.install()  # all of the geometry path imports this module, before any kernel runs
 
 BITS = 21  # per axis; three axes fill 63 of 64 bits
 DIGIT, PASSES = 11, 6  # bits that one pass of the sort looks at, and passes

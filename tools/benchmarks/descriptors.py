@@ -75,9 +75,7 @@ class DescriptorBenchmark:
             'neighbors': round(room.neighbors, 2),
             'threads': {'rm3d': args.threads, 'pcl': 1, 'open3d': 'its own choice; see cpu_s'},
             'seconds': table(seconds, 'rm3d'),
-            'pairs_per_cpu_second': round(
-                args.points * room.neighbors * (room.neighbors - 1) / 2 / seconds['rm3d'].cpu
-            ),
+            'pairs_per_cpu_second': round(pairs / seconds['rm3d'].cpu),
             'absent': absent,
             'share_of_equal_rows': self._agreements(scene, rows),
             'machine': machine(),
