@@ -19,7 +19,7 @@ from rm3d_plugin.ops._register_tiles import VECTOR_BYTES, forward_tile, outer_ti
 BLOCK_ROWS = 1024  # output rows worked on together: their sums and inputs stay in the second-level cache
 CHUNK_PAIRS = 96  # pairs per weight-gradient tile: both their rows stay in the first-level cache
 SHARE_OPERATIONS = 1.6e8  # of a thread's share, some 1.5 ms: shorter ones read the weights more often
-SMALL_OPERATIONS = 2e7  # below, a second thread costs more than it brings
+SMALL_OPERATIONS = 4e7  # below, a second thread costs more than it brings
 SHARE_ROWS = 64  # a share has at least so many output rows
 PART_ROWS = 8192  # rows per partial weight gradient; partial sums are added in order, so threads never race
 # Two AVX2 registers hold a vector where AVX-512 is missing, so tiles are smaller there.
@@ -46,7 +46,8 @@ def gather_gemm(x: Array, weight: Array, pair_in: Array, pair_out: Array, starts
     channels = weight.shape[2]
     padded = _pad_columns(weight)
     out = np.empty((n_out, padded.shape[2]), x.dtype)
-    shares = _shares(2.0 * len(pair_in) * x.shape[1] * out.shape[1], max(1, n_out // SHARE_ROWS))
+    share = min(SHARE_OPERATIONS, 165 * padded.nbytes)  # to read the weights once a share costs a few per cent
+    shares = _shares(2.0 * len(pair_in) * x.shape[1] * out.shape[1], share, max(1, n_out // SHARE_ROWS))
     arguments = (out, np.ascontiguousarray(x), padded.reshape(-1), pair_in, pair_out, starts)
     each_block(lambda turns: _forward_shares(turns, shares, *arguments), shares)
     return out if out.shape[1] == channels else out[:, :channels].copy()
@@ -69,7 +70,7 @@ def gather_outer(x: Array, grad: Array, pair_in: Array, pair_out: Array, starts:
     padded, x = _pad_columns(grad), np.ascontiguousarray(x)
     parts = max(1, len(grad) // PART_ROWS)
     out = np.zeros((parts, len(starts) - 1, x.shape[1], padded.shape[1]), x.dtype)
-    groups = _shares(2.0 * len(pair_in) * x.shape[1] * padded.shape[1] / parts, len(starts) - 1)
+    groups = _shares(2.0 * len(pair_in) * x.shape[1] * padded.shape[1] / parts, SHARE_OPERATIONS, len(starts) - 1)
     flat = out.reshape(parts, -1)
     each_block(lambda turns: _outer_shares(turns, groups, flat, x, padded, pair_in, pair_out, starts), parts * groups)
     for part in range(1, parts):
@@ -77,12 +78,12 @@ def gather_outer(x: Array, grad: Array, pair_in: Array, pair_out: Array, starts:
     return out[0] if padded.shape[1] == channels else out[0, :, :, :channels].copy()
 
 
-def _shares(operations: float, most: int) -> int:
-    """Into how many shares to cut work for several threads; results do not depend on it."""
+def _shares(operations: float, share: float, most: int) -> int:
+    """Into how many shares of so many operations to cut work for several threads; results do not depend on it."""
     threads = num_threads()
     if threads == 1 or operations < SMALL_OPERATIONS:
         return 1
-    rounds = -(-operations // (threads * SHARE_OPERATIONS))  # of one share a thread
+    rounds = -(-operations // (threads * share))  # of one share a thread
     return max(1, min(most, int(rounds) * threads))
 
 

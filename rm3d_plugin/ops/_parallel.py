@@ -75,16 +75,17 @@ def map_blocks(work: Callable[[int, int], Result], total: int, block: int) -> li
         return list(pool.map(lambda span: work(*span), spans))
 
 
-def each_block(work: Callable[[Array], object], blocks: int) -> None:
+def each_block(work: Callable[[Array], object], blocks: int, least: int = 1) -> None:
     """Work through numbered blocks, by as many threads as :func:`num_threads`; for short and frequent calls.
 
     Args:
         work: Called once in each thread with ``turns``: it handles block :func:`take_turn` of them until that is no
             longer below ``blocks``. Must release the interpreter lock, and write to places of the block's own only.
-        blocks: Number of blocks; a block should take some 50 microseconds.
+        blocks: Number of blocks.
+        least: Blocks that are worth a thread: to call one costs about a tenth of a millisecond.
     """
     turns = np.zeros(1, np.int64)
-    helpers = min(num_threads(), blocks) - 1
+    helpers = min(num_threads(), blocks // least) - 1
     team = _team(os.getpid())
     if helpers < 1 or not team.free.acquire(blocking=False):
         work(turns)

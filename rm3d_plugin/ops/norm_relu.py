@@ -122,7 +122,7 @@ def _step(rows: Array) -> int:
 def _each_part(kernel: Callable[..., None], rows: Array, *arguments: Array) -> None:
     """Run a kernel over all blocks of the rows."""
     step = _step(rows)
-    each_block(lambda turns: kernel(turns, step, *arguments), -(-rows.size // step))
+    each_block(lambda turns: kernel(turns, step, *arguments), -(-rows.size // step), least=8)
 
 
 def _channel_sums(kernel: Callable[..., None], rows: Array, *arguments: Array) -> Array:

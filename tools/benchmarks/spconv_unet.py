@@ -36,8 +36,7 @@ def jobs(
         with torch.no_grad():
             return layer(tensor).features
 
-    mapped = spconv.SparseConvTensor(conv_rows, indices, shape, 1)
-    conv(mapped)  # leaves its pairs in the tensor
+    mapped = layer(spconv.SparseConvTensor(conv_rows, indices, shape, 1)).replace_feature(conv_rows)  # with its pairs
     found: dict[str, Callable[[], object]] = {
         'spconv_forward_s': forward_only,
         'spconv_conv_s': lambda: conv(mapped),
