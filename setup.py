@@ -40,6 +40,7 @@ setup(
             'ruff>=0.9',
             'mypy>=1.14',
             'import-linter>=2.1',
+            'dask[distributed]>=2024.8',  # preparation on a cluster
         ],
         'docs': ['mkdocs-material>=9.5'],
         'superpoints': ['cut-pursuit-py>=1.0.12'],  # solver of the over-segmenter CutPursuit (MIT)
