@@ -9,7 +9,7 @@ import sys
 from numba.core import event
 
 PACKAGE = 'rm3d_plugin'
-SECONDS = 45  # processor seconds for every kernel of the geometry path; see docs/benchmarks.md
+SECONDS = 30  # processor seconds for every kernel of the geometry path; see docs/benchmarks.md
 
 
 class CompileNotice(event.Listener):

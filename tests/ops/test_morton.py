@@ -33,3 +33,16 @@ def test_cube_of_nothing_and_of_one_place():
     assert cube.edge == 1.0 and cube.low.tolist() == [7.0] * 3
     assert morton_codes(np.zeros((0, 3))).shape == (0,)
     assert morton_order(np.full((4, 3), 7.0)).tolist() == [0, 1, 2, 3]
+
+
+def test_large_arrays_sort_as_numpy_does():
+    from rm3d_plugin.ops.morton import RADIX_FROM, sort_codes
+
+    rng = np.random.default_rng(0)
+    for top in (3, 2**40, 2**63 - 1):  # many equal codes, empty high digits, all digits
+        codes = rng.integers(0, top, 3 * RADIX_FROM + 7, dtype=np.uint64)
+        found = sort_codes(codes)
+        np.testing.assert_array_equal(found.order, np.argsort(codes, kind='stable'))
+        np.testing.assert_array_equal(found.codes, np.sort(codes))
+    ascending = np.sort(rng.integers(0, 9, 50, dtype=np.uint64))
+    np.testing.assert_array_equal(sort_codes(ascending).order, np.arange(50))

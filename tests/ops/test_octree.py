@@ -197,3 +197,40 @@ def test_threads_change_nothing():
         ).stdout
 
     assert digest(1) == digest(3)
+
+
+def test_around_meets_every_point_once_along_the_curve():
+    points = np.random.default_rng(2).random((3000, 3))
+    tree = Octree(points)
+    for cap in (None, 5):
+        expected = slow_neighbors(points, points, 0.1, cap)
+        met = []
+        for members, found in tree.around(0.1, cap, chunk=700):
+            assert_rows(found, [expected[i] for i in members])
+            met.append(members)
+        np.testing.assert_array_equal(np.concatenate(met), tree.order)
+    assert list(Octree(points[:0]).around(0.1)) == []
+
+
+def test_groups_and_lone_queries_agree_where_density_changes():
+    """A dense clump, a sparse halo and one far point: groups split, guesses fail, rows of hundreds are sorted."""
+    rng = np.random.default_rng(5)
+    points = np.concatenate([rng.normal(0, 0.01, (1500, 3)), rng.normal(0, 3.0, (500, 3)), [[500.0, 0, 0]]])
+    tree, alone = Octree(points), Octree(points, group=False)
+    for radius in (0.005, 0.03, 2.0):
+        together, lone = tree.radius(points, radius), alone.radius(points, radius)
+        np.testing.assert_array_equal(together.indices, lone.indices)
+        np.testing.assert_array_equal(together.sq_dists, lone.sq_dists)
+        assert together.visits < lone.visits
+    assert_knn(tree.knn(points, 40), slow_neighbors(points, points, k=40), 40)
+    radii = rng.random(len(points)) * 2
+    assert_rows(tree.hybrid(points, radii, 20), slow_neighbors(points, points, radii, 20))
+
+
+def test_many_queries_are_counted_before_they_are_written(monkeypatch):
+    points = np.random.default_rng(6).random((2000, 3))
+    want = Octree(points).radius(points, 0.15)
+    monkeypatch.setattr('rm3d_plugin.ops.octree.HELD', 100)
+    found = Octree(points).radius(points, 0.15)
+    np.testing.assert_array_equal(found.offsets, want.offsets)
+    np.testing.assert_array_equal(found.indices, want.indices)

@@ -1,6 +1,7 @@
 """The benchmark command: runs, counts operations as by hand, writes what it prints."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -22,3 +23,37 @@ def test_sparse_unet(tmp_path):
     assert result['forward_backward_flops'] == 3 * result['flops']
     assert all(result[key] > 0 for key in ('forward_s', 'forward_backward_s', 'gemm_gflops', 'forward_share_of_gemm'))
     assert result['machine']['torch_threads'] == 1
+
+
+def bench(tmp_path, *arguments):
+    """Run a benchmark where no C++ peer can be found, and read its numbers."""
+    out = tmp_path / 'out.json'
+    command = [sys.executable, str(ROOT / 'tools' / 'bench.py'), *arguments, '--repeats', '1', '--json', str(out)]
+    environment = {**os.environ, 'PCL_ROOT': str(tmp_path)}
+    subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    return json.loads(out.read_text())
+
+
+def test_octree(tmp_path):
+    result = bench(tmp_path, 'octree', '--points', '3000', '--rule-queries', '10')
+    assert abs(result['neighbors'] - 30) < 1 and result['point_order'] == 'random'
+    assert set(result['rows_that_differ'].values()) == {0}
+    assert result['absent'] == [f'{name}: not available' for name in ('nanoflann', 'pcl_octree', 'linked_octree')]
+    rules = result['rules']
+    assert rules['all']['visits'] < rules['skip_disjoint']['visits'] <= rules['none']['visits']
+    assert rules['all, every point, in groups']['visits'] < rules['all, every point']['visits']
+
+
+def test_a_descriptor_and_an_over_segmenter(tmp_path):
+    result = bench(tmp_path, 'fpfh', '--points', '2000')
+    assert 'pcl: not available' in result['absent']
+    assert all(share == 1.0 for share in result['share_of_equal_rows'].values())
+    result = bench(tmp_path, 'region-growing', '--points', '3000')
+    assert result['seconds']['rm3d']['times_ours'] == 1.0 and result['regions']['rm3d'] > 1
+
+
+def test_prepare_measures_each_size_in_its_own_process(tmp_path):
+    result = bench(tmp_path, 'prepare', '--sizes', '1500', '3000')
+    assert [scene['points'] for scene in result['scenes']] == [1500, 3000]
+    assert all(scene['peak_rss_gib'] > 0.1 and scene['regions'] > 1 for scene in result['scenes'])
+    assert isinstance(result['exponent'], float)
