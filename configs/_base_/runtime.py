@@ -2,7 +2,7 @@
 custom_imports = dict(imports=['rm3d_plugin'], allow_failed_imports=False)
 default_scope = 'rm3d_plugin'
 seed = 0
-threads = 0  # of torch and numba; 0 = one for each core
+threads = 0  # of our kernels; 0 = one for each core
 num_workers = 0
 accumulate = 1  # batches a step of the optimizer: a larger batch in the memory of a small one
 cache_dir = 'work_dirs/geometry_cache'  # prepared scenes, keyed by content: runs share them
