@@ -10,9 +10,12 @@ from torch import Tensor
 
 from rm3d_plugin.models.detectors.common_points import common_rows
 from rm3d_plugin.models.heads.point_labels import PointLabels, join_point_labels
+from rm3d_plugin.models.segmentors.chunks import Chunk
 from rm3d_plugin.models.segmentors.instance_dice import soft_instance_masks
 from rm3d_plugin.models.segmentors.point_inputs import PointInputs, point_inputs
-from rm3d_plugin.models.segmentors.view_statistics import kept_statistics
+from rm3d_plugin.models.segmentors.scene_inference import Predict, SceneInference, average_views, view_matrices
+from rm3d_plugin.models.segmentors.scene_instances import scene_instances
+from rm3d_plugin.models.view_statistics import kept_statistics
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import SceneSample
 
@@ -59,7 +62,9 @@ class RM3DSegmentor(BaseModel):
         thing_classes: Classes that have instances.
         predict_instances: Whether ``predict`` looks for instances, where there is an instance head.
         predict_points: Predict class probabilities and centres of points only; the label hook sets it while it asks
-            for pseudo labels, which need no instances.
+            for pseudo labels, which need no instances and no further views.
+        inference: Fields of :class:`SceneInference`: chunks for large scenes, voting over views. Default: scenes are
+            read whole and once.
         data_preprocessor: ``ScenePreprocessor`` by default.
         init_cfg: As in mmengine.
     """
@@ -76,6 +81,7 @@ class RM3DSegmentor(BaseModel):
         thing_classes: Sequence[int] = (),
         predict_instances: bool = True,
         predict_points: bool = False,
+        inference: dict[str, Any] | None = None,
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
     ) -> None:
@@ -86,6 +92,7 @@ class RM3DSegmentor(BaseModel):
         if dice_loss is not None and instance_head is None:
             raise ValueError('dice_loss compares instances: give an instance_head too, or dice_loss=None')
         self.predict_instances, self.predict_points = predict_instances, predict_points
+        self.inference = SceneInference(**(inference or {}))
         settings: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in (inputs or {}).items()}
         self.inputs = PointInputs(**settings)
         self.backbone = MODELS.build({**backbone, 'in_channels': self.inputs.channels})
@@ -123,7 +130,9 @@ class RM3DSegmentor(BaseModel):
 
     def network(self, inputs: dict[str, Tensor]) -> SegmentorOutput:
         """Run backbone and heads on a batch."""
-        features = self._features(inputs['points'], inputs['batch_offsets'])
+        return self._heads(self._features(inputs['points'], inputs['batch_offsets']))
+
+    def _heads(self, features: Tensor) -> SegmentorOutput:
         offsets = None if self.instance_head is None else self.instance_head(features)
         return SegmentorOutput(self.semantic_head(features), offsets)
 
@@ -161,23 +170,53 @@ class RM3DSegmentor(BaseModel):
         self, inputs: dict[str, Tensor], data_samples: Sequence[SceneSample] | None = None
     ) -> list[SceneSample]:
         """Fill in the predictions of every scene; fresh samples where none are given. Predictions lie on the CPU."""
-        output = self.network(inputs)
-        probs, xyz = output.logits.softmax(dim=1).cpu(), inputs['points'][:, :3].cpu()
-        offsets = None if output.offsets is None else output.offsets.cpu()
         bounds = inputs['batch_offsets'].tolist()
-        samples = [SceneSample() for _ in bounds[1:]] if data_samples is None else list(data_samples)
-        for sample, first, last in zip(samples, bounds[:-1], bounds[1:], strict=True):
-            rows = slice(first, last)
-            sample.pred_point_probs = probs[rows].clone()
-            if offsets is None:
+        sizes = [last - first for first, last in zip(bounds[:-1], bounds[1:], strict=True)]
+        samples = [SceneSample() for _ in sizes] if data_samples is None else list(data_samples)
+        scenes = inputs['points'].split(sizes)
+        plain = all(self.inference.is_plain(size) for size in sizes)
+        together = self._joined(self.network(inputs)).cpu().split(sizes) if plain else None
+        for number, (sample, points) in enumerate(zip(samples, scenes, strict=True)):
+            xyz = points[:, :3].cpu()
+            chunks = self.inference.chunks(xyz.numpy())
+            values = self._averaged(points, chunks) if together is None else together[number]
+            probs, offsets = values[:, : self.num_classes].clone(), values[:, self.num_classes :]
+            sample.pred_point_probs = probs
+            if self.instance_head is None:
                 continue
-            sample.pred_point_centers = xyz[rows] + offsets[rows]
+            sample.pred_point_centers = xyz + offsets
             if self.predict_instances and not self.predict_points:
-                self._fill_instances(sample, xyz[rows], offsets[rows], probs[rows])
+                found = scene_instances(
+                    self.instance_head, xyz, offsets, probs, self.thing_classes, chunks, self.inference.stitch_iou
+                )
+                sample.pred_instance_masks = torch.from_numpy(found.masks)
+                sample.pred_instance_labels = torch.from_numpy(found.labels)
+                sample.pred_instance_scores = torch.from_numpy(found.scores)
         return samples
 
-    def _fill_instances(self, sample: SceneSample, xyz: Tensor, offsets: Tensor, probs: Tensor) -> None:
-        found = self.instance_head.instances(xyz, offsets, probs, self.thing_classes)
-        sample.pred_instance_masks = torch.from_numpy(found.masks)
-        sample.pred_instance_labels = torch.from_numpy(found.labels)
-        sample.pred_instance_scores = torch.from_numpy(found.scores)
+    @staticmethod
+    def _joined(output: SegmentorOutput) -> Float[Tensor, 'points values']:
+        """Probabilities, then offsets where there are any."""
+        probs = output.logits.softmax(dim=1)
+        return probs if output.offsets is None else torch.cat([probs, output.offsets], dim=1)
+
+    def _averaged(self, points: Tensor, chunks: Sequence[Chunk]) -> Float[Tensor, 'points values']:
+        """The same for a scene in chunks, from each of the views."""
+        if not chunks:
+            return self._joined(self.network({'points': points, 'batch_offsets': points.new_zeros(2).long()})).cpu()
+        views = view_matrices(1) if self.predict_points else self.inference.views
+        return average_views(points, views, chunks, self._look, self.num_classes)
+
+    def _look(self, points: Tensor) -> Predict:
+        """A view of a scene, as a function that predicts some of its rows.
+
+        What a point is told of its place in the scene is the same in every chunk.
+        """
+        columns = point_inputs(points, torch.tensor([0, len(points)], device=points.device), self.inputs)
+
+        def predict(rows: Tensor) -> Tensor:
+            rows = rows.to(points.device)
+            ends = torch.tensor([0, len(rows)], device=points.device)
+            return self._joined(self._heads(self.backbone(points[rows, :3], columns[rows], ends)))
+
+        return predict

@@ -1,0 +1,116 @@
+"""How a trained segmentor reads a scene: whole or in chunks, once or from several sides."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from rm3d_plugin.models.segmentors.chunks import Chunk, average_rows, make_chunks
+
+Flip = Literal['none', 'both']
+Predict = Callable[[Tensor], Float[Tensor, 'rows columns']]
+
+
+@dataclass(frozen=True)
+class SceneInference:
+    """What a scene costs at test time.
+
+    Attributes:
+        max_points: Scenes with more points are predicted in chunks of at most so many; None: whole, whatever it takes.
+        chunk_size: Metres; edge of the chunks seen from above. None: as large as ``max_points`` allows.
+        margin: Metres that chunks reach into each other; larger: fewer seams, more work.
+        votes: Directions about z from which the scene is read, evenly spaced; probabilities and offsets are averaged.
+        flip: 'both': from each direction mirrored, too, which doubles the work.
+        stitch_iou: Instances of one class in two chunks are one where they overlap at least so much, among the points
+            that both chunks have.
+    """
+
+    max_points: int | None = None
+    chunk_size: float | None = None
+    margin: float = 1.0
+    votes: int = 1
+    flip: Flip = 'none'
+    stitch_iou: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.flip not in get_args(Flip):
+            raise ValueError(f'inference.flip: expected one of {get_args(Flip)}, got {self.flip!r}')
+        for name in ('max_points', 'votes'):
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, int) and value >= 1):
+                raise ValueError(f'inference.{name}: expected a whole number from 1, got {value!r}')
+        if self.votes is None:
+            raise ValueError('inference.votes: expected a whole number from 1, got None')
+        if self.chunk_size is not None and not 0 < self.chunk_size < np.inf:
+            raise ValueError(f'inference.chunk_size: expected metres > 0, got {self.chunk_size}')
+        if not 0 <= self.margin < np.inf or not 0 < self.stitch_iou <= 1:
+            raise ValueError(f'inference: expected margin >= 0 and 0 < stitch_iou <= 1, got {self}')
+
+    @property
+    def views(self) -> Float[np.ndarray, 'views 3 3']:
+        """See :func:`view_matrices`."""
+        return view_matrices(self.votes, self.flip)
+
+    def chunks(self, xyz: Float[np.ndarray, 'points 3']) -> list[Chunk]:
+        """See :func:`make_chunks`."""
+        return make_chunks(xyz, self.max_points, self.chunk_size, self.margin)
+
+    def is_plain(self, num_points: int) -> bool:
+        """Whether a scene of so many points is read once and whole, for certain."""
+        whole = self.chunk_size is None if self.max_points is None else num_points <= self.max_points
+        return num_points == 0 or (whole and len(self.views) == 1)
+
+
+def view_matrices(votes: int, flip: Flip = 'none') -> Float[np.ndarray, 'views 3 3']:
+    """Rotations about z by 360 / ``votes`` degrees each, the first by none; with 'both' each mirrored in y, too.
+
+    >>> view_matrices(4)[1].tolist()
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    angle = 2 * np.pi * np.arange(votes) / votes
+    cos, sin = (np.where(np.abs(v - np.round(v)) < 1e-12, np.round(v), v) for v in (np.cos(angle), np.sin(angle)))
+    turned = np.zeros((votes, 3, 3))
+    turned[:, 0, 0] = turned[:, 1, 1] = cos
+    turned[:, 0, 1], turned[:, 1, 0], turned[:, 2, 2] = -sin, sin, 1.0
+    turned += 0.0  # no negative zeros
+    return turned if flip == 'none' else np.concatenate([turned, turned @ np.diag([1.0, -1.0, 1.0])])
+
+
+def turn(points: Float[Tensor, 'points columns'], matrix: Float[np.ndarray, '3 3']) -> Float[Tensor, 'points columns']:
+    """Points seen from another side: x, y, z turned, the other columns as they are."""
+    if np.array_equal(matrix, np.eye(3)):
+        return points
+    xyz = points[:, :3].double() @ torch.from_numpy(matrix).T.to(points.device)
+    return torch.cat([xyz.to(points.dtype), points[:, 3:]], dim=1)
+
+
+def average_views(
+    points: Float[Tensor, 'points columns'],
+    views: Float[np.ndarray, 'views 3 3'],
+    chunks: Sequence[Chunk],
+    look: Callable[[Tensor], Predict],
+    scalars: int,
+) -> Float[Tensor, 'points values']:
+    """What is said of each point, the mean over chunks and views; on the CPU.
+
+    Args:
+        points: The scene; x, y, z first.
+        views: Orthogonal matrices.
+        chunks: Of the scene.
+        look: A turned scene -> a function from rows to what is said of them.
+        scalars: Columns of the answer that are the same from every side; those behind are vectors, which are turned
+            back.
+    """
+    total: Tensor | None = None
+    for matrix in views:
+        values = average_rows(chunks, len(points), look(turn(points, matrix))).float()
+        if values.shape[1] > scalars and not np.array_equal(matrix, np.eye(3)):
+            back = values[:, scalars:].double() @ torch.from_numpy(matrix)  # the inverse, on rows
+            values = torch.cat([values[:, :scalars], back.float()], dim=1)
+        total = values if total is None else total + values
+    assert total is not None
+    return total if len(views) == 1 else total / len(views)
