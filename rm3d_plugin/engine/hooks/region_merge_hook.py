@@ -1,11 +1,12 @@
 """Regenerates the pseudo labels every sigma epochs."""
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import torch
-from mmengine.dist import barrier, get_rank, get_world_size, is_main_process
+from mmengine.dist import barrier, is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import Runner
 from tqdm import tqdm
@@ -54,6 +55,8 @@ class RegionMergeHook(Hook):
     def before_train(self, runner: Runner) -> None:
         """Prepare the geometry, make the first labels, and tell the model the sizes of the revealed boxes."""
         began = time.perf_counter()
+        if isinstance(self.dataloader, Mapping) and self.dataloader['sampler']['type'] == 'DefaultSampler':
+            self.dataloader['sampler'].setdefault('round_up', False)  # each scene goes to one process
         self.dataloader = runner.build_dataloader(self.dataloader, seed=runner.seed)
         if is_main_process():
             self.labeler.start(keep=runner.epoch > 0, log=runner.logger.info)
@@ -71,6 +74,7 @@ class RegionMergeHook(Hook):
             self.seconds += time.perf_counter() - began
         barrier()
         self.labeler.use(number)
+        barrier()  # nobody reads labels before the main process has said which
 
     def _refresh(self, runner: Runner, number: int) -> None:
         if is_main_process():
@@ -81,10 +85,9 @@ class RegionMergeHook(Hook):
         _unwrapped(model).predict_points = True
         bar = tqdm(total=len(self.dataloader), desc=f'labels, round {number}', disable=not is_main_process())
         with torch.no_grad():
-            for turn, batch in enumerate(self.dataloader):
-                if turn % get_world_size() == get_rank():
-                    for sample in model.test_step(batch):
-                        self.labeler.refresh(number, sample.scene_id, point_prediction(sample))
+            for batch in self.dataloader:  # the sampler gives each process its share
+                for sample in model.test_step(batch):
+                    self.labeler.refresh(number, sample.scene_id, point_prediction(sample))
                 bar.update()
         bar.close()
         _unwrapped(model).predict_points = False
