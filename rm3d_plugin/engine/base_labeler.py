@@ -1,7 +1,7 @@
 """What labelers have in common: geometry in a cache, labels of each round in the label store."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from rm3d_plugin.regions import MergeStrategy
 from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
 from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS, TASK_UTILS
 from rm3d_plugin.storage import LabelStore, SceneCache, content_key
-from rm3d_plugin.structures import PseudoLabels
+from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 Log = Callable[[str], None]
 
@@ -31,10 +31,12 @@ class PointPrediction:
     Attributes:
         probabilities: (N, C) softmax; in detection the last class is background.
         centers: (N, 3) metres, the voted object centre, or None.
+        boxes: Predicted boxes with scores, or None.
     """
 
     probabilities: Float[np.ndarray, 'points classes']
     centers: Float[np.ndarray, 'points 3'] | None
+    boxes: Boxes3D | None = None
 
 
 class SceneLabels(NamedTuple):
@@ -182,6 +184,11 @@ class BaseLabeler(ABC):
         """
         made = self.make_labels(number, scene_id, prediction)
         self.store.write(number, scene_id, made.labels, made.ledger)
+
+    def refresh_all(self, number: int, predictions: Iterable[tuple[str, PointPrediction]]) -> None:
+        """Write the labels of every scene of this process, in the order they come; all processes enter together."""
+        for scene_id, prediction in predictions:
+            self.refresh(number, scene_id, prediction)
 
     def finish(self, number: int, log: Log = print) -> None:
         """Close a round and say how good its labels are."""

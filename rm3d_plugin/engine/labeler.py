@@ -1,13 +1,15 @@
 """Where making labels meets learning from them, in detection."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
+from mmengine.dist import all_gather_object
 
 from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction, SceneLabels
 from rm3d_plugin.engine.label_report import summarise
@@ -15,8 +17,13 @@ from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import ObjectRules, WeakLabels, refresh_detection
 from rm3d_plugin.pseudo_labels.boxes import size_priors
+from rm3d_plugin.pseudo_labels.objects import Evidence, score_limits
 from rm3d_plugin.pseudo_labels.quality import SceneTruth
+from rm3d_plugin.pseudo_labels.refresh import RefreshResult
 from rm3d_plugin.registry import TASK_UTILS
+from rm3d_plugin.structures import Boxes3D
+
+JUDGED_SCENES = 200  # of each process; their predictions are kept in memory while a quota is found
 
 
 @TASK_UTILS.register_module()
@@ -49,6 +56,7 @@ class SceneLabeler(BaseLabeler):
         self._default_sizes = None if default_sizes is None else np.asarray(default_sizes, dtype=np.float64)
         self._rules = ObjectRules(**(rules or {}))
         self._known: dict[str, WeakLabels] = {}
+        self._limits: Float[np.ndarray, ' classes'] | None = None
 
     def needs_geometry(self) -> bool:
         """True: every label but the revealed ones comes from regions."""
@@ -82,8 +90,30 @@ class SceneLabeler(BaseLabeler):
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions, find objects, complete the boxes."""
+        result = self._result(number, scene_id, prediction, self._limits if number else None)
+        return SceneLabels(result.labels, result.merge.ledger.to_arrays())
+
+    def refresh_all(self, number: int, predictions: Iterable[tuple[str, PointPrediction]]) -> None:
+        """With a quota, the first scenes of each process tell which score is among the best of its class."""
+        rest = iter(predictions)
+        first: list[tuple[str, PointPrediction]] = []
+        self._limits = None
+        if self._rules.quota is not None:
+            first = list(islice(rest, JUDGED_SCENES))
+            found = [self._result(number, scene, seen, None).candidates for scene, seen in first]
+            everywhere = [boxes for part in all_gather_object(found) for boxes in part]
+            self._limits = score_limits(_joined(everywhere), len(self.priors), self._rules.quota, number)
+        super().refresh_all(number, chain(first, rest))
+
+    def _result(
+        self,
+        number: int,
+        scene_id: str,
+        prediction: PointPrediction | None,
+        limits: Float[np.ndarray, ' classes'] | None,
+    ) -> RefreshResult:
         scene = self.prepared(scene_id)
-        result = refresh_detection(
+        return refresh_detection(
             scene.cloud,
             scene.regions,
             scene.graph,
@@ -97,8 +127,8 @@ class SceneLabeler(BaseLabeler):
             self.class_counts,
             segment_ground(scene.cloud.xyz).height,
             self._rules,
+            Evidence(None if prediction is None else prediction.boxes, limits),
         )
-        return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 
     def summarise_round(self, number: int) -> dict[str, Any]:
         """Coverage and precision of the points, and which pseudo boxes are right."""
@@ -117,3 +147,9 @@ class SceneLabeler(BaseLabeler):
         cloud = self.source.load_cloud(index)
         ranges = None if cloud.sensor is None else np.linalg.norm(cloud.xyz - cloud.sensor, axis=1)
         return SceneTruth(truth.semantic, truth.boxes, ranges)
+
+
+def _joined(parts: Sequence[Boxes3D]) -> Boxes3D:
+    boxes = [Boxes3D.empty(), *parts]
+    columns = zip(*((part.tensor, part.labels, part.scores) for part in boxes), strict=True)
+    return Boxes3D(*(np.concatenate(column) for column in columns))

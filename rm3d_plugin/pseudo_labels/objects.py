@@ -30,6 +30,14 @@ class ObjectRules:
             above 1: never; None: gamma for all. Classes differ in how soon a network is sure of them. And objects that
             nobody labelled are taught as background at first, so a network that is sure of background may be sure of
             its own prejudice; geometry's background is not concerned.
+        support_iou: Overlap, seen from above, from which a box that the network predicts speaks for a group of its
+            class: the group's score becomes the geometric mean of its own and the best such box's, 0 where there is
+            none. None: the group's own.
+        seen_height: Share of the usual height that the points of an object must reach, for each class; objects show
+            their top unless something hangs over them. None: any.
+        seen_length: Share of the usual length that they must span, for each class. None: any.
+        quota: Share of all candidates of a class, best scores first, that become pseudo boxes: in the first round with
+            predictions, in the second, ...; the last number holds from there on. Smaller: fewer and purer. None: all.
     """
 
     min_points: int = 8
@@ -38,8 +46,14 @@ class ObjectRules:
     background_ratio: float = 1.5
     part_share: float = 0.25
     class_gamma: tuple[float, ...] | None = None
+    support_iou: float | None = None
+    seen_height: tuple[float, ...] | None = None
+    seen_length: tuple[float, ...] | None = None
+    quota: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
+        if self.quota is not None and not all(0 < share <= 1 for share in self.quota):
+            raise ValueError(f'ObjectRules.quota: expected shares above 0 and up to 1, got {self.quota!r}')
         for name, low in (
             ('min_points', 1),
             ('max_excess', 1),
@@ -71,13 +85,15 @@ class Objects(NamedTuple):
         point_box: (N,) int64 row of the box that each point belongs to, -1 = none.
         rejected: (N,) bool, points of groups that are larger than their class allows.
         counts: 'pseudo_boxes', 'rejected_groups' (too large), 'joined_fragments', 'small_groups' (too few points),
-            'suppressed_boxes'.
+            'partial_groups' (too little to see), 'doubtful_groups' (score under the limit), 'suppressed_boxes'.
+        candidates: Every plausible group with its score, before scores are held against the limits.
     """
 
     boxes: Boxes3D
     point_box: Int[np.ndarray, ' points']
     rejected: Bool[np.ndarray, ' points']
     counts: dict[str, float]
+    candidates: Boxes3D = Boxes3D.empty()
 
 
 class PointVotes(NamedTuple):
@@ -90,6 +106,21 @@ class PointVotes(NamedTuple):
 
     classes: Int[np.ndarray, ' points']
     centers: Float[np.ndarray, 'points 3'] | None
+
+
+class Evidence(NamedTuple):
+    """What beside the points speaks for an object.
+
+    Attributes:
+        boxes: Boxes that the network predicts, with scores; or None.
+        limits: (C,) score that a pseudo box of each class needs; or None: any.
+    """
+
+    boxes: Boxes3D | None = None
+    limits: Float[np.ndarray, ' classes'] | None = None
+
+
+NO_EVIDENCE = Evidence()
 
 
 class _Candidate(NamedTuple):
@@ -124,6 +155,7 @@ def find_objects(
     earlier: EarlierObjects | None,
     votes: PointVotes,
     rules: ObjectRules,
+    evidence: Evidence = NO_EVIDENCE,
 ) -> Objects:
     """A box for every group of an object class that is plausible and has its place to itself.
 
@@ -142,6 +174,7 @@ def find_objects(
         earlier: Boxes of the last round.
         votes: What the network says of single points.
         rules: Thresholds.
+        evidence: What else speaks for an object.
     """
     context = _Context(xyz, priors, ground_z, sensor, votes, rules)
     usable = np.append(np.isfinite(priors).all(axis=1), [False])
@@ -161,15 +194,71 @@ def find_objects(
                 too_large += 1
     joined = _join_fragments(context, found)
     large_enough = [c for c in joined if len(c.members) >= rules.min_points]
-    boxes, point_box, lost = _compete(len(xyz), large_enough, true_boxes, earlier, rules)
+    whole = [c for c in large_enough if _shows_enough(context, c)]
+    judged = _judged(whole, evidence.boxes, rules.support_iou)
+    trusted = judged if evidence.limits is None else [c for c in judged if c.score >= evidence.limits[c.label]]
+    if evidence.limits is not None:  # what is no pseudo box has no label either
+        rejected |= (point_groups >= 0) & np.append(wanted, False)[point_groups]
+    for candidate in large_enough:
+        rejected[candidate.members] = True
+    for candidate in trusted:
+        rejected[candidate.members] = False
+    boxes, point_box, lost = _compete(len(xyz), trusted, true_boxes, earlier, rules)
     counts = {
         'pseudo_boxes': float(len(boxes)),
         'rejected_groups': float(too_large),
         'joined_fragments': float(len(found) - len(joined)),
         'small_groups': float(len(joined) - len(large_enough)),
+        'partial_groups': float(len(large_enough) - len(whole)),
+        'doubtful_groups': float(len(judged) - len(trusted)),
         'suppressed_boxes': float(lost),
     }
-    return Objects(boxes, point_box, rejected, counts)
+    scores = Boxes3D(
+        np.array([c.fit.box for c in judged]).reshape(-1, 7),
+        np.array([c.label for c in judged], dtype=np.int64),
+        np.array([c.score for c in judged], dtype=np.float64),
+    )
+    return Objects(boxes, point_box, rejected, counts, scores)
+
+
+def _shows_enough(context: _Context, candidate: _Candidate) -> bool:
+    """Whether the points reach as high and as far as the visible part of such an object does."""
+    rules, prior, label = context.rules, context.priors[candidate.label], candidate.label
+    z = context.xyz[candidate.members, 2]
+    bottom = z.min() if context.ground_z is None else np.median(context.ground_z[candidate.members])
+    high = rules.seen_height is None or z.max() - bottom >= rules.seen_height[label] * prior[2]
+    return bool(high and (rules.seen_length is None or candidate.fit.span[0] >= rules.seen_length[label] * prior[0]))
+
+
+def _judged(candidates: list[_Candidate], boxes: Boxes3D | None, support_iou: float | None) -> list[_Candidate]:
+    """The candidates with the score that points and predicted boxes give them together."""
+    if boxes is None or support_iou is None or not candidates:
+        return candidates
+    assert boxes.scores is not None
+    overlap = rotated_iou_bev(np.array([c.fit.box for c in candidates]), boxes.tensor)
+    same = np.array([c.label for c in candidates])[:, None] == boxes.labels[None]
+    best = np.where(same & (overlap >= support_iou), boxes.scores[None], 0.0).max(axis=1, initial=0.0)
+    return [c._replace(score=float(np.sqrt(c.score * b))) for c, b in zip(candidates, best, strict=True)]
+
+
+def score_limits(
+    candidates: Boxes3D, num_classes: int, quota: tuple[float, ...], number: int
+) -> Float[np.ndarray, ' classes']:
+    """The score from which a candidate is among the best of its class, over all scenes.
+
+    Args:
+        candidates: Of all scenes, with scores.
+        num_classes: C.
+        quota: See :class:`ObjectRules`.
+        number: Round, 1 = the first with predictions.
+
+    Returns:
+        (C,); 0 for a class without candidates.
+    """
+    assert candidates.scores is not None
+    share = quota[min(max(number, 1), len(quota)) - 1]
+    of_class = [candidates.scores[candidates.labels == c] for c in range(num_classes)]
+    return np.array([np.quantile(s, 1.0 - share, method='higher') if len(s) else 0.0 for s in of_class])
 
 
 def _candidates(context: _Context, group: int, members: np.ndarray, label: int, score: float) -> list[_Candidate]:

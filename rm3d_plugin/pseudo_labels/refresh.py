@@ -18,7 +18,15 @@ from rm3d_plugin.pseudo_labels.draft import (
     overlay,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.objects import EarlierObjects, ObjectRules, Objects, PointVotes, find_objects
+from rm3d_plugin.pseudo_labels.objects import (
+    NO_EVIDENCE,
+    EarlierObjects,
+    Evidence,
+    ObjectRules,
+    Objects,
+    PointVotes,
+    find_objects,
+)
 from rm3d_plugin.pseudo_labels.propagate import (
     nearest_instances,
     point_values,
@@ -42,11 +50,13 @@ class RefreshResult:
         labels: What training may read.
         merge: Groups and the ledger.
         stats: Named numbers of this refresh: coverage in [0, 1], counts otherwise.
+        candidates: In detection every plausible object with its score, see :class:`~.objects.Objects`.
     """
 
     labels: PseudoLabels
     merge: MergeResult
     stats: dict[str, float]
+    candidates: Boxes3D = Boxes3D.empty()
 
 
 def refresh_detection(
@@ -63,6 +73,7 @@ def refresh_detection(
     class_counts: Int[np.ndarray, ' classes'],
     height_above_ground: Float[np.ndarray, ' points'] | None = None,
     rules: ObjectRules | None = None,
+    evidence: Evidence = NO_EVIDENCE,
 ) -> RefreshResult:
     """Point and box labels of one scene of a detection run.
 
@@ -86,6 +97,7 @@ def refresh_detection(
         class_counts: (C,) or (C + 1,) revealed labels of each class; breaks ties.
         height_above_ground: Metres above the ground of each point, or None.
         rules: When a group of points is an object, and when a region cannot be one.
+        evidence: Predicted boxes, and the score that a pseudo box needs.
 
     Raises:
         ValueError: A row count does not fit.
@@ -119,6 +131,7 @@ def refresh_detection(
         _earlier_objects(previous, supported),
         _votes(probabilities, centers, len(xyz)),
         rules,
+        evidence,
     )
     draft = overlay(draft_of(grouped), objects.rejected, UNLABELLED, 0.0)
     draft = overlay(draft, surely | (large & (objects.point_box < 0)), background, BACKGROUND_CONFIDENCE)
@@ -126,7 +139,7 @@ def refresh_detection(
     draft, objects = _fill_boxes(xyz, draft, objects)
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     labels = _with_boxes(draft, truth, objects, weak)
-    return RefreshResult(labels, grouped.merge, _stats(labels, grouped) | objects.counts)
+    return RefreshResult(labels, grouped.merge, _stats(labels, grouped) | objects.counts, objects.candidates)
 
 
 def refresh_points(

@@ -4,7 +4,7 @@
 model = dict(
     type='RM3DSegmentor',
     num_classes='${num_classes}',
-    inputs=dict(columns='${point_columns}', use='${use_columns}'),
+    inputs=dict(columns='${point_columns}', use='${use_columns}', coordinates='${use_coordinates}'),
     backbone=dict(type='SparseUNet', voxel_size='${voxel_size}', widths='${widths}', blocks='${blocks}'),
     semantic_head=dict(type='SemanticHead', balance='${class_balance}', pseudo_weight='${pseudo_weight}'),
     instance_head='${instance_head}',
@@ -15,6 +15,7 @@ model = dict(
 voxel_size = 0.02  # m
 widths = [32, 64, 96, 128, 160, 192, 224]
 blocks = 2
+use_coordinates = False  # True: the place in the scene too; crops then differ from whole scenes
 use_columns = '${point_columns}'  # []: a network that sees shapes only
 class_balance = 'none'  # 'frequency': by the revealed labels; 'batch': by the labels of a batch
 pseudo_weight = 1.0  # of a label that the budget did not reveal

@@ -37,10 +37,10 @@ param_scheduler = '${step_schedule}'
 demo = dict(
     data_root='data/demo_streets',
     oversegmenter=dict(max_edge=0.3, range_growth=0.015),  # half as many points a turn as KITTI
-    demo_data=dict(num_train=100, num_val=40, seed=0),
-    rounds=5,
-    sigma=8,
-    first_rounds=2,
+    demo_data=dict(scenes='streets', num_train=100, num_val=40, seed=0),
+    rounds=10,
+    sigma=4,
+    first_rounds=6,
     batch_size=4,
     widths=[16, 32, 48, 64],
     voxel_size=0.15,
@@ -49,8 +49,8 @@ demo = dict(
     num_seeds=512,
     num_proposals=128,
     param_scheduler='${restart_schedule}',
-    periods=[16, 8, 8, 8],
-    restart_weights=[1, 1, 1, 1],
+    periods=[24, 4, 4, 4, 4],
+    restart_weights=[1, 1, 1, 1, 1],
     learning_rate=2e-3,
-    val_rounds=5,
+    val_rounds=10,
 )

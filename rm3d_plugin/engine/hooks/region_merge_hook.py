@@ -1,7 +1,7 @@
 """Regenerates the pseudo labels every sigma epochs."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
+from rm3d_plugin.structures import Boxes3D
 
 
 @HOOKS.register_module()
@@ -80,20 +81,21 @@ class RegionMergeHook(Hook):
         if is_main_process():
             self.labeler.begin(number)
         barrier()
-        model = runner.model
-        model.eval()
-        _unwrapped(model).predict_points = True
-        bar = tqdm(total=len(self.dataloader), desc=f'labels, round {number}', disable=not is_main_process())
-        with torch.no_grad():
-            for batch in self.dataloader:  # the sampler gives each process its share
-                for sample in model.test_step(batch):
-                    self.labeler.refresh(number, sample.scene_id, point_prediction(sample))
-                bar.update()
-        bar.close()
-        _unwrapped(model).predict_points = False
+        runner.model.eval()
+        _unwrapped(runner.model).predict_points = True
+        self.labeler.refresh_all(number, self._predictions(runner.model, number))
+        _unwrapped(runner.model).predict_points = False
         barrier()
         if is_main_process():
             self.labeler.finish(number, log=runner.logger.info)
+
+    def _predictions(self, model: Any, number: int) -> Iterator[tuple[str, PointPrediction]]:
+        """What the network says of the scenes of this process, one by one."""
+        batches = tqdm(self.dataloader, desc=f'labels, round {number}', disable=not is_main_process())
+        for batch in batches:  # the sampler gives each process its share
+            with torch.no_grad():
+                samples = model.test_step(batch)
+            yield from ((sample.scene_id, point_prediction(sample)) for sample in samples)
 
 
 def point_prediction(sample: Any) -> PointPrediction:
@@ -117,7 +119,14 @@ def point_prediction(sample: Any) -> PointPrediction:
         return out
 
     centers = sample.pred_point_centers.float().cpu().numpy() if 'pred_point_centers' in sample else None
-    return PointPrediction(scatter(probs), None if centers is None else scatter(centers))
+    return PointPrediction(scatter(probs), None if centers is None else scatter(centers), _boxes(sample))
+
+
+def _boxes(sample: Any) -> Boxes3D | None:
+    if 'pred_bboxes_3d' not in sample:
+        return None
+    fields = (sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d)
+    return Boxes3D(*(field.cpu().numpy() for field in fields))
 
 
 def _unwrapped(model: Any) -> Any:

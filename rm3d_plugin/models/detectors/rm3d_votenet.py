@@ -15,6 +15,7 @@ from rm3d_plugin.models.heads.decode import decode_scene
 from rm3d_plugin.models.heads.instance_masks import instance_masks
 from rm3d_plugin.models.heads.vote_head import VoteOutput
 from rm3d_plugin.models.heads.vote_targets import ProposalTargets
+from rm3d_plugin.models.view_statistics import kept_statistics
 from rm3d_plugin.ops.grouping import gather_groups
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import SceneSample
@@ -157,7 +158,8 @@ class RM3DVoteNet(BaseModel):
         """Agreement of P_out with the augmented view; only backbone and point branch see that view."""
         assert self.aug_loss is not None
         rows = common_rows(inputs['aug_index'], _COMMON_POINTS)
-        features = self._features(inputs['aug_points'], inputs['aug_batch_offsets'])
+        with kept_statistics(self.backbone):
+            features = self._features(inputs['aug_points'], inputs['aug_batch_offsets'])
         logits_aug = self.point_branch(features[rows]).float()
         loss: Tensor = self.aug_loss(logits[inputs['aug_index'][rows]], logits_aug)
         return loss

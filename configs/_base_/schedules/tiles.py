@@ -1,0 +1,10 @@
+# A handful of large scenes: many crops of each, few epochs that are called so, on a CPU.
+_base_ = './segmentation.py'
+rounds = 4
+sigma = 6
+periods = [6, 6, 6, 6]
+restart_weights = [1, 1, 1, 1]
+param_scheduler = '${restart_schedule}'
+batch_size = 2
+learning_rate = 4e-3
+val_rounds = 4
