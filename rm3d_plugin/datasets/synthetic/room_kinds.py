@@ -12,8 +12,8 @@ from rm3d_plugin.datasets.synthetic import room_storage as storage
 from rm3d_plugin.datasets.synthetic import room_tables as tables
 from rm3d_plugin.datasets.synthetic.road_users import pick
 from rm3d_plugin.datasets.synthetic.room_layout import HALF_TURN, Layout, Pose, Rect, footprint
-from rm3d_plugin.datasets.synthetic.room_materials import Palette
-from rm3d_plugin.datasets.synthetic.room_things import Thing, Top
+from rm3d_plugin.datasets.synthetic.room_materials import USUAL_COLORS, USUAL_SHARE, Palette, in_usual_color
+from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES, Thing, Top
 from rm3d_plugin.datasets.synthetic.shapes import cos_sin
 
 # Metres: length, width, height.
@@ -52,7 +52,17 @@ def random_layout(rng: np.random.Generator, kind: str, structure: float) -> Layo
     for _ in range(2 + int(rng.random() * (2 if kind == 'bathroom' else 6))):
         layout.somewhere([clutter.floor_clutter(rng, layout.palette)], tries=6)
     plan.close_shell(layout, wet=kind == 'bathroom')
+    layout.things = [_as_usual(item, rng) for item in layout.things]
     return layout
+
+
+def _as_usual(item: Thing, rng: np.random.Generator) -> Thing:
+    """Most things have the colour that most things of their class have."""
+    usual = USUAL_COLORS.get(CATEGORIES[item.name].nyu40_name)
+    if usual is None or rng.random() >= USUAL_SHARE:
+        return item
+    parts = tuple((body, in_usual_color(material, usual, rng)) for body, material in item.parts)
+    return Thing(item.name, parts, item.tops)
 
 
 def lay_clutter(layout: Layout, pose: Pose, tops: tuple[Top, ...], amount: float) -> None:

@@ -80,6 +80,36 @@ _FAMILIES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float
 }  # fmt: skip
 
 
+# What most things of a class look like; the others, and every class that is not here, tell nothing by their colour.
+USUAL_COLORS: dict[str, Rgb] = {
+    'cabinet': (0.86, 0.84, 0.74),
+    'bed': (0.62, 0.60, 0.82),
+    'chair': (0.16, 0.17, 0.22),
+    'sofa': (0.45, 0.16, 0.16),
+    'table': (0.68, 0.46, 0.24),
+    'door': (0.42, 0.26, 0.14),
+    'window': (0.62, 0.80, 0.95),
+    'bookshelf': (0.30, 0.18, 0.10),
+    'picture': (0.80, 0.34, 0.20),
+    'counter': (0.30, 0.32, 0.34),
+    'desk': (0.84, 0.70, 0.48),
+    'curtain': (0.56, 0.20, 0.40),
+    'refridgerator': (0.78, 0.84, 0.90),
+    'shower curtain': (0.24, 0.66, 0.62),
+    'toilet': (0.96, 0.96, 0.92),
+    'sink': (0.90, 0.92, 0.96),
+    'bathtub': (0.94, 0.92, 0.88),
+    'otherfurniture': (0.40, 0.44, 0.30),
+}
+USUAL_SHARE = 0.7  # of the things of a class
+
+
+def in_usual_color(material: Material, usual: Rgb, rng: np.random.Generator) -> Material:
+    """The material in about its class's colour."""
+    color = _shade(usual, pick(rng, 0.8, 1.2))
+    return material._replace(color=color, second=_shade(color, pick(rng, 0.65, 0.95)))
+
+
 def draw_material(rng: np.random.Generator, family: str) -> Material:
     """A random material of a family."""
     hues, saturations, values, patterns, scales, dropout = _FAMILIES[family]
