@@ -1,6 +1,6 @@
 """Adapted point feature histograms: all pairs within a radius, without distance (METHOD 3)."""
 
-from typing import Any, Literal, Self, final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -61,6 +61,8 @@ class AdaptedPFH(Descriptor):
         ValueError: A number is out of range.
     """
 
+    presets = PRESETS
+
     def __init__(
         self,
         radius: float = 0.1,
@@ -74,13 +76,6 @@ class AdaptedPFH(Descriptor):
         self.max_neighbors = max_neighbors
         self.normal_neighbors = normal_neighbors
         self.range_growth = range_growth
-
-    @classmethod
-    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
-        """The descriptor with the numbers that suit a kind of scene, see ``PRESETS``."""
-        if name not in PRESETS:
-            raise ValueError(f'AdaptedPFH.preset: expected one of {sorted(PRESETS)}, got {name!r}')
-        return cls(**PRESETS[name])
 
     def compute(self, cloud: PointCloud) -> Descriptors:
         """Describe every point of a cloud."""

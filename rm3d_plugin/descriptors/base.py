@@ -1,7 +1,8 @@
 """What every descriptor is, and what they share: normals to work with, region means, similarity."""
 
 from abc import ABC, abstractmethod
-from typing import final
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, Self, final
 
 import numpy as np
 from jaxtyping import Float
@@ -101,7 +102,25 @@ def cloud_normals(cloud: PointCloud, k: int, octree: Octree | None = None) -> Fl
 
 
 class Descriptor(ABC):
-    """Turns a cloud into one feature vector a point. Subclasses are final and registered in ``DESCRIPTORS``."""
+    """Turns a cloud into one feature vector a point. Subclasses are final and registered in ``DESCRIPTORS``.
+
+    Attributes:
+        presets: Kind of scene -> arguments that suit it; empty where the defaults serve everywhere.
+    """
+
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+
+    @final
+    @classmethod
+    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
+        """The descriptor with the numbers that suit a kind of scene.
+
+        Raises:
+            ValueError: It has no such preset.
+        """
+        if name not in cls.presets:
+            raise ValueError(f'{cls.__name__}.preset: expected one of {sorted(cls.presets)}, got {name!r}')
+        return cls(**cls.presets[name])
 
     @abstractmethod
     def compute(self, cloud: PointCloud) -> Descriptors:

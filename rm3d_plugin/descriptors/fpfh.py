@@ -1,6 +1,6 @@
 """Fast point feature histograms (METHOD 3; Rusu et al., ICRA 2009)."""
 
-from typing import Any, Literal, Self, final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -78,6 +78,8 @@ class FPFH(Descriptor):
         ValueError: A number is out of range.
     """
 
+    presets = PRESETS
+
     def __init__(
         self,
         radius: float | None = 0.1,
@@ -95,13 +97,6 @@ class FPFH(Descriptor):
         self.own_spfh = own_spfh
         self.normal_neighbors = normal_neighbors
         self.range_growth = range_growth
-
-    @classmethod
-    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
-        """The descriptor with the numbers that suit a kind of scene, see ``PRESETS``."""
-        if name not in PRESETS:
-            raise ValueError(f'FPFH.preset: expected one of {sorted(PRESETS)}, got {name!r}')
-        return cls(**PRESETS[name])
 
     def compute(self, cloud: PointCloud) -> Descriptors:
         """Describe every point of a cloud."""

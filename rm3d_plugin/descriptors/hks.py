@@ -5,7 +5,6 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
-from rm3d_plugin.descriptors.spectral import PRESETS as PRESETS
 from rm3d_plugin.descriptors.spectral import SpectralDescriptor
 from rm3d_plugin.ops.laplacian import Eigenpairs
 from rm3d_plugin.registry import DESCRIPTORS

@@ -1,6 +1,6 @@
 """Original point feature histograms: all pairs of the nearest points, with distance (METHOD 3, the baseline)."""
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,6 +10,11 @@ from rm3d_plugin.ops.octree import Neighbors, Octree
 from rm3d_plugin.ops.pair_features import ANGLE_BINS, DISTANCE_BINS, PairHistograms, histograms_of_points
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import Descriptors, PointCloud
+
+PRESETS: dict[str, dict[str, Any]] = {
+    'indoor': {'k': 30},
+    'lidar': {'k': 30},  # nearest points reach farther by themselves where points are few
+}
 
 
 def original_pfh(
@@ -57,6 +62,8 @@ class PFH(Descriptor):
     Raises:
         ValueError: A number is out of range.
     """
+
+    presets = PRESETS
 
     def __init__(self, k: int = 30, distance_span: float | None = None, normal_neighbors: int = 20) -> None:
         if k < 3 or (distance_span is not None and not distance_span > 0):

@@ -1,6 +1,6 @@
 """Signatures of histograms of orientations, 352 values (METHOD 3; Tombari, Salti, Di Stefano, ECCV 2010)."""
 
-from typing import Any, Literal, Self, final, get_args
+from typing import Any, Literal, final, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -80,6 +80,8 @@ class SHOT(Descriptor):
         ValueError: A number is out of range, or ``norm`` is neither.
     """
 
+    presets = PRESETS
+
     def __init__(
         self,
         radius: float = 0.1,
@@ -97,13 +99,6 @@ class SHOT(Descriptor):
         self.max_neighbors = max_neighbors
         self.normal_neighbors = normal_neighbors
         self.range_growth = range_growth
-
-    @classmethod
-    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
-        """The descriptor with the numbers that suit a kind of scene, see ``PRESETS``."""
-        if name not in PRESETS:
-            raise ValueError(f'SHOT.preset: expected one of {sorted(PRESETS)}, got {name!r}')
-        return cls(**PRESETS[name])
 
     def compute(self, cloud: PointCloud) -> Descriptors:
         """Describe every point of a cloud."""

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Self, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 import scipy.sparse
@@ -161,6 +161,8 @@ class SpectralDescriptor(Descriptor):
         ValueError: A number is out of range.
     """
 
+    presets = PRESETS
+
     def __init__(
         self,
         spacing: float = 0.04,
@@ -171,13 +173,6 @@ class SpectralDescriptor(Descriptor):
         min_points: int = 64,
     ) -> None:
         self.settings = SpectrumSettings(spacing, link, eigenpairs, n_neighbors, mollify, min_points)
-
-    @classmethod
-    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
-        """The descriptor with the numbers that suit a kind of scene, see ``PRESETS``."""
-        if name not in PRESETS:
-            raise ValueError(f'{cls.__name__}.preset: expected one of {sorted(PRESETS)}, got {name!r}')
-        return cls(**PRESETS[name])
 
     @property
     @abstractmethod

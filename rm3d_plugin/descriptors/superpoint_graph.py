@@ -1,6 +1,6 @@
 """What Superpoint-Graph is partitioned by: eigenfeatures, and colour where wanted (METHOD 3)."""
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -8,6 +8,11 @@ from rm3d_plugin.descriptors.base import Descriptor
 from rm3d_plugin.ops.geometric_features import geometric_features
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import Descriptors, PointCloud, SceneError
+
+PRESETS: dict[str, dict[str, Any]] = {
+    'indoor': {'k': 45},  # METHOD 3
+    'lidar': {'k': 45},  # nearest points reach farther by themselves where points are few
+}
 
 
 @DESCRIPTORS.register_module()
@@ -23,6 +28,8 @@ class SuperpointGraph(Descriptor):
     Raises:
         ValueError: A number is out of range.
     """
+
+    presets = PRESETS
 
     def __init__(self, k: int = 45, verticality_weight: float = 2.0, colors: bool = False) -> None:
         if k < 2 or not verticality_weight >= 0:

@@ -6,11 +6,18 @@ from typing import Any, final
 import numpy as np
 
 from rm3d_plugin.descriptors.base import Descriptor
+from rm3d_plugin.descriptors.fpfh import PRESETS as FPFH_PRESETS
 from rm3d_plugin.ops.color import rgb_to_lab
 from rm3d_plugin.ops.segment import segment_mean, segment_sizes
 from rm3d_plugin.ops.supervoxels import VoxelDistance, supervoxels, unit_sums
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import Descriptors, PointCloud
+
+PRESETS: dict[str, dict[str, Any]] = {
+    'indoor': {'base': {'type': 'FPFH', **FPFH_PRESETS['indoor']}, 'voxel_size': 0.05, 'seed_size': 0.3},  # m
+    # m; voxels as wide as the rings of a 64-beam scanner are apart at some 15 m; farther off they connect no more
+    'lidar': {'base': {'type': 'FPFH', **FPFH_PRESETS['lidar']}, 'voxel_size': 0.3, 'seed_size': 1.5},
+}
 
 
 @DESCRIPTORS.register_module()
@@ -34,6 +41,8 @@ class VCCS(Descriptor):
     Raises:
         ValueError: A number cannot be used.
     """
+
+    presets = PRESETS
 
     def __init__(
         self,

@@ -1,6 +1,6 @@
 """Visual similarity: the light field descriptor of the patch around each point (Chen et al. 2003; METHOD 3)."""
 
-from typing import Any, Literal, NamedTuple, Self, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -134,6 +134,8 @@ class VisualSimilarity(Descriptor):
         ValueError: A number is out of range.
     """
 
+    presets = PRESETS
+
     def __init__(self, radius: float = 0.25, spacing: float = 0.1, resolution: int = 32, splat: float = 0.1) -> None:
         if not (radius > 0 and spacing > 0 and splat > 0) or resolution < 8:
             raise ValueError(
@@ -144,13 +146,6 @@ class VisualSimilarity(Descriptor):
         self.spacing = spacing
         self.resolution = resolution
         self.splat = splat
-
-    @classmethod
-    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
-        """The descriptor with the numbers that suit a kind of scene, see ``PRESETS``."""
-        if name not in PRESETS:
-            raise ValueError(f'VisualSimilarity.preset: expected one of {sorted(PRESETS)}, got {name!r}')
-        return cls(**PRESETS[name])
 
     def compute(self, cloud: PointCloud) -> Descriptors:
         """Describe every point of a cloud."""

@@ -39,8 +39,8 @@ def build_part(registry: Registry, name: str, preset: str | None, options: Mappi
     if name not in kinds:
         raise ConfigError(f'{registry.name}: expected one of {sorted(kinds)}, got {name!r}')
     arguments: dict[str, Any] = {}
-    if preset is not None and hasattr(kinds[name], 'preset'):
-        numbers = presets_beside(kinds[name])
+    numbers = presets_of(kinds[name])
+    if preset is not None and numbers:
         if preset not in numbers:
             raise ConfigError(f'{name}: preset: expected one of {sorted(numbers)}, got {preset!r}')
         arguments |= numbers[preset]
@@ -50,10 +50,10 @@ def build_part(registry: Registry, name: str, preset: str | None, options: Mappi
         raise ConfigError(f'{name}: {error}') from error
 
 
-def presets_beside(kind: type) -> dict[str, dict[str, Any]]:
-    """The presets that stand beside a class."""
-    presets: dict[str, dict[str, Any]] = vars(sys.modules[kind.__module__])['PRESETS']
-    return presets
+def presets_of(kind: type) -> Mapping[str, Mapping[str, Any]]:
+    """The presets of a part: its own ``presets``, or those beside it in its file; empty where it has none."""
+    presets: Mapping[str, Mapping[str, Any]] = getattr(kind, 'presets', {})
+    return presets or (vars(sys.modules[kind.__module__]).get('PRESETS', {}) if hasattr(kind, 'preset') else {})
 
 
 def oversegment_file(

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+import rm3d_plugin.descriptors
 from rm3d_plugin.descriptors import AdaptedPFH, cloud_normals, cosine_similarity, region_means
 from rm3d_plugin.descriptors.base import virtual_viewpoint
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions
+
+NAMES = 'AdaptedPFH PFH FPFH SHOT HKS WKS SIHKS VisualSimilarity VCCS SuperpointGraph'.split()
 
 
 def test_cosine_worked_by_hand():
@@ -53,3 +56,13 @@ def test_the_virtual_viewpoint_moves_with_the_cloud():
     np.testing.assert_allclose(virtual_viewpoint(points @ turn + 5), view @ turn + 5, atol=1e-9)
     assert np.linalg.norm(view - points.mean(axis=0)) == pytest.approx(np.sqrt(points.var(axis=0).sum()))
     assert virtual_viewpoint(np.zeros((0, 3))).tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_every_descriptor_has_presets(name):
+    kind = getattr(rm3d_plugin.descriptors, name)
+    assert set(kind.presets) == {'indoor', 'lidar'}
+    for preset in kind.presets:
+        assert isinstance(kind.preset(preset), kind)
+    with pytest.raises(ValueError, match=rf"{name}\.preset: expected one of \['indoor', 'lidar'\], got 'moon'"):
+        kind.preset('moon')

@@ -1,7 +1,5 @@
 """HKS, WKS, SI-HKS: the formulas as loops, invariances, components, what cannot be described (METHOD 3 and 11)."""
 
-import sys
-
 import numpy as np
 import pytest
 from reference.spectral_slow import slow_eigenpairs, slow_hks, slow_sihks, slow_wks
@@ -173,6 +171,5 @@ def test_threads_change_nothing():
 
 
 @pytest.mark.parametrize('part', PARTS)
-def test_presets_stand_beside_the_class(part):
-    """Tools look for ``PRESETS`` in the module of the class."""
-    assert set(vars(sys.modules[part.__module__])['PRESETS']) == {'indoor', 'lidar'}
+def test_presets_are_shared(part):
+    assert set(part.presets) == {'indoor', 'lidar'} and part.presets is HKS.presets
