@@ -2,7 +2,15 @@
 
 from rm3d_plugin.visualization.bev import BevPanel, BoxLayer, draw_bev, scene_panels
 from rm3d_plugin.visualization.curves import Chart, Series, draw_chart, smooth
-from rm3d_plugin.visualization.report import BudgetSummary, Picture, ResultRow, RunReport, render_report, write_report
+from rm3d_plugin.visualization.report import (
+    BudgetSummary,
+    Picture,
+    ResultRow,
+    RunReport,
+    ScoreTable,
+    render_report,
+    write_report,
+)
 
 __all__ = [
     'BevPanel',
@@ -12,6 +20,7 @@ __all__ = [
     'Picture',
     'ResultRow',
     'RunReport',
+    'ScoreTable',
     'Series',
     'draw_bev',
     'draw_chart',

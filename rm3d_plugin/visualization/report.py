@@ -7,14 +7,15 @@ from typing import Any, NamedTuple
 
 from rm3d_plugin.storage.files import write_text
 from rm3d_plugin.visualization.curves import Chart
+from rm3d_plugin.visualization.report_labels import label_section
 from rm3d_plugin.visualization.report_sections import (
     budget_section,
     chart_section,
     config_section,
-    label_section,
     page,
     picture_section,
     result_section,
+    score_section,
     summary_section,
     time_section,
 )
@@ -35,6 +36,14 @@ class ResultRow(NamedTuple):
     easy: float
     moderate: float
     hard: float
+
+
+class ScoreTable(NamedTuple):
+    """Scores of classes: a name and percent in each row, NaN where there was nothing to find; 'mean' stands out."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[tuple[Any, ...]]
 
 
 @dataclass(frozen=True)
@@ -65,6 +74,7 @@ class RunReport:
         summary: Headline numbers and facts by name.
         budget: Which labels training saw.
         results: Rows (class, metric, easy, moderate, hard), percent.
+        scores: Scores of classes in segmentation.
         charts: Loss and AP curves.
         rounds: One summary a round: ``coverage`` in [0, 1]; ``points``: by class ``pseudo`` (count) and ``precision``
             (in [0, 1] or None); ``boxes``: by class ``revealed``, ``pseudo``, ``right``, ``true`` (counts);
@@ -81,6 +91,7 @@ class RunReport:
     summary: Mapping[str, Any] = field(default_factory=dict)
     budget: BudgetSummary | None = None
     results: Sequence[tuple[str, str, float, float, float]] = ()
+    scores: ScoreTable | None = None
     charts: Sequence[Chart] = ()
     rounds: Sequence[Mapping[str, Any]] = ()
     pictures: Sequence[Picture] = ()
@@ -95,6 +106,7 @@ def render_report(run: RunReport) -> str:
     sections = [
         summary_section(run.summary),
         result_section(run.results),
+        '' if run.scores is None else score_section(*run.scores),
         '' if budget is None else budget_section(budget.name, budget.digest, budget.seed, budget.counts),
         label_section(run.rounds),
         chart_section(run.charts),

@@ -34,7 +34,7 @@ def summary_section(facts: Mapping[str, Any]) -> str:
     """Headline numbers as tiles."""
     if not facts:
         return ''
-    tiles = ''.join(f'<div><dt>{escape(k)}</dt><dd>{escape(_text(v))}</dd></div>' for k, v in facts.items())
+    tiles = ''.join(f'<div><dt>{escape(k)}</dt><dd>{escape(plain(v))}</dd></div>' for k, v in facts.items())
     return f'<section aria-label="Summary"><dl class="tiles">{tiles}</dl></section>'
 
 
@@ -42,48 +42,40 @@ def result_section(rows: Sequence[tuple[str, str, float, float, float]]) -> str:
     """Average precision by class and difficulty."""
     if not rows:
         return ''
-    body = [[escape(row[0]), escape(row[1]), *(_number(value) for value in row[2:])] for row in rows]
+    body = [[escape(row[0]), escape(row[1]), *(number(value) for value in row[2:])] for row in rows]
     means = [i for i, row in enumerate(rows) if row[0] == 'mean']
-    table = _table(['Class', 'Metric', 'Easy', 'Moderate', 'Hard'], body, 'Average precision in percent', 2, means)
-    return _section('results', 'Results', table)
+    content = table(['Class', 'Metric', 'Easy', 'Moderate', 'Hard'], body, 'Average precision in percent', 2, means)
+    return section('results', 'Results', content)
+
+
+def score_section(caption: str, head: Sequence[str], rows: Sequence[tuple[Any, ...]]) -> str:
+    """Scores of classes."""
+    body = [[escape(str(row[0])), *(number(value) for value in row[1:])] for row in rows]
+    means = [i for i, row in enumerate(rows) if row[0] == 'mean']
+    return section('results', 'Results', table(head, body, caption, 1, means))
 
 
 def budget_section(name: str, digest: str, seed: int | None, counts: Mapping[str, tuple[int, int]]) -> str:
     """Which labels training saw."""
     body = [
-        [escape(cls), str(shown), str(total), _percent(shown / total if total else None, 2)]
+        [escape(cls), str(shown), str(total), percent(shown / total if total else None, 2)]
         for cls, (shown, total) in counts.items()
     ]
     if len(counts) > 1:
         shown, total = (sum(pair[i] for pair in counts.values()) for i in (0, 1))
-        body.append(['all', str(shown), str(total), _percent(shown / total if total else None, 2)])
+        body.append(['all', str(shown), str(total), percent(shown / total if total else None, 2)])
     seeded = '' if seed is None else f', seed {seed}'
     words = f'<p>{escape(name)}{seeded}; hash <code>{escape(digest)}</code></p>'
     last = [len(body) - 1] if len(counts) > 1 else []
-    table = _table(['Class', 'Revealed', 'Existing', 'Share'], body, 'Labels that training saw', 1, last)
-    return _section('budget', 'Label budget', words + table)
-
-
-def label_section(rounds: Sequence[Mapping[str, Any]]) -> str:
-    """Pseudo labels of each round: points, then boxes."""
-    if not rounds:
-        return ''
-    parts = [_point_table(rounds)]
-    if any(entry.get('boxes') for entry in rounds):
-        parts.append(_box_table(rounds))
-    words = (
-        '<p>Coverage is the share of all points with a label. Precision is the share of pseudo labels that are right; '
-        'recall of boxes is over the true boxes that the budget hides. Training never sees the truth that these are '
-        'measured with.</p>'
-    )
-    return _section('labels', 'Pseudo labels', words + ''.join(parts))
+    content = table(['Class', 'Revealed', 'Existing', 'Share'], body, 'Labels that training saw', 1, last)
+    return section('budget', 'Label budget', words + content)
 
 
 def chart_section(charts: Sequence[Chart]) -> str:
     """Curves side by side."""
     if not charts:
         return ''
-    return _section('curves', 'Curves', f'<div class="charts">{"".join(draw_chart(chart) for chart in charts)}</div>')
+    return section('curves', 'Curves', f'<div class="charts">{"".join(draw_chart(chart) for chart in charts)}</div>')
 
 
 def picture_section(pictures: Sequence[tuple[str, bytes]]) -> str:
@@ -95,7 +87,7 @@ def picture_section(pictures: Sequence[tuple[str, bytes]]) -> str:
         f'<figcaption>{escape(caption)}</figcaption></figure>'
         for caption, png in pictures
     )
-    return _section('scenes', 'Scenes from above', figures)
+    return section('scenes', 'Scenes from above', figures)
 
 
 def time_section(seconds: Mapping[str, float]) -> str:
@@ -103,20 +95,20 @@ def time_section(seconds: Mapping[str, float]) -> str:
     if not seconds:
         return ''
     total = sum(seconds.values())
-    body = [[escape(k), duration(v), _percent(v / total if total else None, 0)] for k, v in seconds.items()]
-    body.append(['all', duration(total), _percent(1.0 if total else None, 0)])
-    table = _table(['Stage', 'Time', 'Share'], body, 'Wall-clock time', 1, [len(body) - 1])
-    return _section('time', 'Time', table)
+    body = [[escape(k), duration(v), percent(v / total if total else None, 0)] for k, v in seconds.items()]
+    body.append(['all', duration(total), percent(1.0 if total else None, 0)])
+    content = table(['Stage', 'Time', 'Share'], body, 'Wall-clock time', 1, [len(body) - 1])
+    return section('time', 'Time', content)
 
 
 def config_section(settings: Mapping[str, Any], text: str) -> str:
     """The settings that matter, the whole config behind a fold."""
     if not settings and not text:
         return ''
-    body = [[escape(k), f'<code>{escape(_text(v))}</code>'] for k, v in settings.items()]
-    table = _table(['Setting', 'Value'], body, 'Settings', 2) if body else ''
+    body = [[escape(k), f'<code>{escape(plain(v))}</code>'] for k, v in settings.items()]
+    content = table(['Setting', 'Value'], body, 'Settings', 2) if body else ''
     fold = f'<details><summary>The whole config</summary><pre>{escape(text)}</pre></details>' if text else ''
-    return _section('config', 'Configuration', table + fold)
+    return section('config', 'Configuration', content + fold)
 
 
 def duration(seconds: float) -> str:
@@ -133,46 +125,12 @@ def duration(seconds: float) -> str:
     return f'{whole // 3600} h {whole % 3600 // 60} min'
 
 
-def _point_table(rounds: Sequence[Mapping[str, Any]]) -> str:
-    names = _names(rounds, 'points')
-    body = []
-    for place, entry in enumerate(rounds):
-        row = [str(entry.get('round', place)), _percent(entry.get('coverage'))]
-        for name in names:
-            found = entry.get('points', {}).get(name, {})
-            row += [_count(found.get('pseudo')), _percent(found.get('precision'))]
-        body.append(row)
-    head = [('Round', ()), ('Coverage', ()), *((name, ('labels', 'precision')) for name in names)]
-    return _grouped_table(head, body, 'Points')
-
-
-def _box_table(rounds: Sequence[Mapping[str, Any]]) -> str:
-    names = _names(rounds, 'boxes')
-    body = []
-    for place, entry in enumerate(rounds):
-        row = [str(entry.get('round', place))]
-        known = entry.get('truth_known', True)
-        for name in names:
-            found = entry.get('boxes', {}).get(name, {})
-            pseudo, right = found.get('pseudo', 0), found.get('right', 0)
-            hidden = found.get('true', 0) - found.get('revealed', 0)
-            row += [_count(found.get('revealed')), _count(found.get('pseudo'))]
-            row.append(_percent(right / pseudo if known and pseudo else None))
-            row.append(_percent(right / hidden if known and hidden > 0 else None))
-        body.append(row)
-    head = [('Round', ()), *((name, ('revealed', 'pseudo', 'precision', 'recall')) for name in names)]
-    return _grouped_table(head, body, 'Boxes')
-
-
-def _names(rounds: Sequence[Mapping[str, Any]], key: str) -> list[str]:
-    return list(dict.fromkeys(name for entry in rounds for name in entry.get(key, {})))
-
-
-def _section(anchor: str, heading: str, content: str) -> str:
+def section(anchor: str, heading: str, content: str) -> str:
+    """A part of the page under a heading."""
     return f'<section aria-labelledby="{anchor}"><h2 id="{anchor}">{escape(heading)}</h2>\n{content}\n</section>'
 
 
-def _table(
+def table(
     head: Sequence[str], body: Sequence[Sequence[str]], caption: str, words: int, strong: Sequence[int] = ()
 ) -> str:
     """A table of finished cells; the first ``words`` columns are text, the rows ``strong`` stand out."""
@@ -180,7 +138,9 @@ def _table(
     return _frame(f'<tr>{cells}</tr>', body, caption, words, strong)
 
 
-def _grouped_table(head: Sequence[tuple[str, Sequence[str]]], body: Sequence[Sequence[str]], caption: str) -> str:
+def grouped_table(
+    head: Sequence[tuple[str, Sequence[str]]], body: Sequence[Sequence[str]], caption: str, strong: Sequence[int] = ()
+) -> str:
     """A table whose columns come in named groups; a group without columns is a column."""
     top = ''.join(
         f'<th scope="colgroup" colspan="{len(columns)}">{escape(name)}</th>'
@@ -189,15 +149,15 @@ def _grouped_table(head: Sequence[tuple[str, Sequence[str]]], body: Sequence[Seq
         for name, columns in head
     )
     below = ''.join(f'<th scope="col"{_RIGHT}>{escape(c)}</th>' for _, columns in head for c in columns)
-    return _frame(f'<tr>{top}</tr><tr>{below}</tr>', body, caption, 1)
+    return _frame(f'<tr>{top}</tr><tr>{below}</tr>', body, caption, 1, strong)
 
 
 def _frame(head: str, body: Sequence[Sequence[str]], caption: str, words: int, strong: Sequence[int] = ()) -> str:
     rows = []
-    for number, row in enumerate(body):
+    for place, row in enumerate(body):
         first = f'<th scope="row">{row[0]}</th>'
         rest = ''.join(f'<td{"" if i < words else _RIGHT}>{cell}</td>' for i, cell in enumerate(row[1:], start=1))
-        rows.append(f'<tr{_STRONG if number in strong else ""}>{first}{rest}</tr>')
+        rows.append(f'<tr{_STRONG if place in strong else ""}>{first}{rest}</tr>')
     return (
         f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
         f'<table><caption>{escape(caption)}</caption>'
@@ -209,17 +169,21 @@ _RIGHT = ' class="number"'
 _STRONG = ' class="strong"'
 
 
-def _text(value: Any) -> str:
+def plain(value: Any) -> str:
+    """Any value, numbers to four digits."""
     return f'{value:.4g}' if isinstance(value, float) else str(value)
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
+    """Two digits after the point; a dash for nothing."""
     return DASH if value is None or not math.isfinite(value) else f'{value:.2f}'
 
 
-def _percent(share: float | None, digits: int = 1) -> str:
+def percent(share: float | None, digits: int = 1) -> str:
+    """A share in [0, 1] as percent; a dash for nothing."""
     return DASH if share is None or not math.isfinite(share) else f'{100 * share:.{digits}f} %'
 
 
-def _count(value: int | None) -> str:
+def count(value: int | None) -> str:
+    """A whole number in groups of three digits; a dash for nothing."""
     return DASH if value is None else f'{value:,}'.replace(',', '&thinsp;')

@@ -1,9 +1,11 @@
 """Leaves ``report.html`` in the work directory."""
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from mmengine.dataset import pseudo_collate
 from mmengine.dist import is_main_process
@@ -12,9 +14,17 @@ from mmengine.runner import Runner
 
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.engine.point_labeler import PointLabeler
 from rm3d_plugin.engine.report import run_report, scene_picture
+from rm3d_plugin.engine.report_scenes import (
+    SceneRecord,
+    pick_scenes,
+    point_classes,
+    point_instances,
+    scene_from_above,
+)
 from rm3d_plugin.registry import HOOKS
-from rm3d_plugin.structures import Boxes3D
+from rm3d_plugin.structures import Boxes3D, SceneError
 from rm3d_plugin.visualization import Picture, write_report
 
 
@@ -44,11 +54,17 @@ class ReportHook(Hook):
             return
         labeler = merging[0].labeler
         seconds = {'training, this process': time.perf_counter() - self._began, 'of it labels': merging[0].seconds}
-        pictures = [*self._train_pictures(runner, merging[0]), *self._val_pictures(runner)]
+        if isinstance(labeler, PointLabeler):
+            scenes = [*self._train_records(runner, merging[0]), *self._val_records(runner)]
+            pictures = [scene_from_above(scene, labeler.source.classes) for scene in scenes]
+        else:
+            pictures = [*self._train_pictures(runner, merging[0]), *self._val_pictures(runner)]
         record = read_record(runner.work_dir)
         report = run_report(runner.cfg, record, labeler.store, labeler.source.classes, pictures, seconds)
         path = write_report(Path(runner.work_dir) / 'report.html', report)
         runner.logger.info(f'report: {path}')
+
+    # ------------------------------------------------------------------ detection
 
     def _train_pictures(self, runner: Runner, merging: RegionMergeHook) -> list[Picture]:
         labeler, dataset = merging.labeler, merging.dataloader.dataset
@@ -70,10 +86,6 @@ class ReportHook(Hook):
         return pictures
 
     def _val_pictures(self, runner: Runner) -> list[Picture]:
-        if runner.val_loop is None:
-            return []
-        dataset = runner.val_dataloader.dataset
-        step = max(1, len(dataset) // max(self.val_scenes, 1))
         return [
             scene_picture(
                 f'validation scene {dataset.scene_ids[index]}',
@@ -82,15 +94,73 @@ class ReportHook(Hook):
                 dataset.load_truth(index),
                 _detect(runner, dataset[index]),
             )
-            for index in list(range(0, len(dataset), step))[: self.val_scenes]
+            for dataset, index in self._val_scenes(runner)
         ]
 
+    def _val_scenes(self, runner: Runner) -> Iterator[tuple[Any, int]]:
+        if runner.val_loop is None:
+            return
+        dataset = runner.val_dataloader.dataset
+        step = max(1, len(dataset) // max(self.val_scenes, 1))
+        for index in list(range(0, len(dataset), step))[: self.val_scenes]:
+            yield dataset, index
 
-def _detect(runner: Runner, item: dict[str, Any], min_score: float = 0.3) -> Boxes3D:
+    # ------------------------------------------------------------------ segmentation
+
+    def _train_records(self, runner: Runner, merging: RegionMergeHook) -> Iterator[SceneRecord]:
+        labeler, dataset = merging.labeler, merging.dataloader.dataset
+        for scene_id in pick_scenes(labeler, self.train_scenes):
+            index = labeler.index_of[scene_id]
+            cloud, truth = labeler.source.load_cloud(index), labeler.source.truth(index)
+            merged = labeler.needs_geometry() and not labeler.weak(scene_id).complete
+            classes, instances = _segment(runner, dataset[dataset.scene_ids.index(scene_id)], len(cloud))
+            yield SceneRecord(
+                f'training scene {scene_id}',
+                cloud,
+                labeler.prepared(scene_id).regions.labels if merged else None,
+                {number: labeler.store.read(scene_id, number) for number in labeler.store.rounds()},
+                classes,
+                instances,
+                None if truth is None else truth.semantic,
+                None if truth is None else truth.instance,
+            )
+
+    def _val_records(self, runner: Runner) -> Iterator[SceneRecord]:
+        for dataset, index in self._val_scenes(runner):
+            cloud, truth = dataset.load_cloud(index), dataset.load_truth(index)
+            classes, instances = _segment(runner, dataset[index], len(cloud))
+            yield SceneRecord(
+                f'validation scene {dataset.scene_ids[index]}',
+                cloud,
+                predicted=classes,
+                instances=instances,
+                truth=truth.semantic,
+                true_instances=truth.instance,
+            )
+
+
+def _predict(runner: Runner, item: dict[str, Any]) -> Any:
     model = getattr(runner.model, 'module', runner.model)
     model.eval()
     with torch.no_grad():
-        sample = model.test_step(pseudo_collate([item]))[0]
+        return model.test_step(pseudo_collate([item]))[0]
+
+
+def _detect(runner: Runner, item: dict[str, Any], min_score: float = 0.3) -> Boxes3D:
+    sample = _predict(runner, item)
     scores = sample.pred_scores_3d.cpu().numpy()
     boxes = Boxes3D(sample.pred_bboxes_3d.cpu().numpy(), sample.pred_labels_3d.cpu().numpy(), scores)
     return boxes.select(scores >= min_score)
+
+
+def _segment(runner: Runner, item: dict[str, Any], points: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """Class and instance of every point of a scene, -1 = none; no instances where the model looks for none."""
+    sample = _predict(runner, item)
+    if 'pred_point_probs' not in sample:
+        raise SceneError(f'ReportHook: the prediction of scene {sample.scene_id} has no pred_point_probs')
+    index = sample.point_index.cpu().numpy() if 'point_index' in sample else None
+    classes = point_classes(sample.pred_point_probs.float().cpu().numpy(), index, points)
+    if 'pred_instance_masks' not in sample:
+        return classes, None
+    masks, scores = sample.pred_instance_masks.cpu().numpy(), sample.pred_instance_scores.cpu().numpy()
+    return classes, point_instances(masks, scores, index, points)

@@ -1,0 +1,89 @@
+"""The part of the report page about the pseudo labels of each round."""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+from rm3d_plugin.visualization.report_sections import count, grouped_table, number, percent, section
+
+_SEGMENTATION_WORDS = (
+    '<p>Coverage is the share of the hidden points of a class that have a label; of all classes, the share of all '
+    'points. Precision is the share of the pseudo labels given to a class that are right. The offset error is the '
+    'distance in metres between the centres of pseudo and true instance, mean over points. Training never sees the '
+    'truth that these are measured with.</p>'
+)
+
+
+def label_section(rounds: Sequence[Mapping[str, Any]]) -> str:
+    """Pseudo labels of each round: points, then boxes."""
+    if not rounds:
+        return ''
+    segmentation = [entry for entry in rounds if 'mean_precision' in entry]
+    if segmentation:
+        return section('labels', 'Pseudo labels', _SEGMENTATION_WORDS + _class_table(segmentation))
+    parts = [_point_table(rounds)]
+    if any(entry.get('boxes') for entry in rounds):
+        parts.append(_box_table(rounds))
+    words = (
+        '<p>Coverage is the share of all points with a label. Precision is the share of pseudo labels that are right; '
+        'recall of boxes is over the true boxes that the budget hides. Training never sees the truth that these are '
+        'measured with.</p>'
+    )
+    return section('labels', 'Pseudo labels', words + ''.join(parts))
+
+
+def _class_table(rounds: Sequence[Mapping[str, Any]]) -> str:
+    """A row for each class, a group of columns for each round."""
+    offsets = any(entry.get('offset_error') is not None for entry in rounds)
+    columns = ('labels', 'coverage', 'precision', *(['offset (m)'] if offsets else []))
+    body = [['all', *(cell for entry in rounds for cell in _whole_cells(entry, offsets))]]
+    for name in _names(rounds, 'points'):
+        found = [entry.get('points', {}).get(name, {}) for entry in rounds]
+        body.append([escape(name), *(cell for row in found for cell in _class_cells(row, offsets))])
+    head = [('Class', ()), *((f'Round {entry.get("round", i)}', columns) for i, entry in enumerate(rounds))]
+    return grouped_table(head, body, 'Points, by class and round', [0])
+
+
+def _whole_cells(entry: Mapping[str, Any], offsets: bool) -> list[str]:
+    total = sum(row.get('pseudo') or 0 for row in entry.get('points', {}).values())
+    return _class_cells({**entry, 'pseudo': total}, offsets)
+
+
+def _class_cells(row: Mapping[str, Any], offsets: bool) -> list[str]:
+    cells = [count(row.get('pseudo')), percent(row.get('coverage')), percent(row.get('precision'))]
+    return [*cells, number(row.get('offset_error'))] if offsets else cells
+
+
+def _point_table(rounds: Sequence[Mapping[str, Any]]) -> str:
+    names = _names(rounds, 'points')
+    body = []
+    for place, entry in enumerate(rounds):
+        row = [str(entry.get('round', place)), percent(entry.get('coverage'))]
+        for name in names:
+            found = entry.get('points', {}).get(name, {})
+            row += [count(found.get('pseudo')), percent(found.get('precision'))]
+        body.append(row)
+    head = [('Round', ()), ('Coverage', ()), *((name, ('labels', 'precision')) for name in names)]
+    return grouped_table(head, body, 'Points')
+
+
+def _box_table(rounds: Sequence[Mapping[str, Any]]) -> str:
+    names = _names(rounds, 'boxes')
+    body = []
+    for place, entry in enumerate(rounds):
+        row = [str(entry.get('round', place))]
+        known = entry.get('truth_known', True)
+        for name in names:
+            found = entry.get('boxes', {}).get(name, {})
+            pseudo, right = found.get('pseudo', 0), found.get('right', 0)
+            hidden = found.get('true', 0) - found.get('revealed', 0)
+            row += [count(found.get('revealed')), count(found.get('pseudo'))]
+            row.append(percent(right / pseudo if known and pseudo else None))
+            row.append(percent(right / hidden if known and hidden > 0 else None))
+        body.append(row)
+    head = [('Round', ()), *((name, ('revealed', 'pseudo', 'precision', 'recall')) for name in names)]
+    return grouped_table(head, body, 'Boxes')
+
+
+def _names(rounds: Sequence[Mapping[str, Any]], key: str) -> list[str]:
+    return list(dict.fromkeys(name for entry in rounds for name in entry.get(key, {})))
