@@ -12,6 +12,7 @@ from rm3d_plugin.datasets.transforms.indoor import (
     crop_rows,
     elastic,
 )
+from rm3d_plugin.datasets.transforms.outdoor import LevelGround, level_ground
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
 from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, select_points
@@ -25,6 +26,7 @@ __all__ = [
     'ElasticDistortion',
     'GlobalRotScale',
     'LabelledObjectPaste',
+    'LevelGround',
     'LimitPoints',
     'PackScene',
     'RandomCrop',
@@ -35,6 +37,7 @@ __all__ = [
     'crop_rows',
     'elastic',
     'flip_y',
+    'level_ground',
     'pack_scene',
     'rotate_scale',
     'select_points',
