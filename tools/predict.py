@@ -1,4 +1,4 @@
-"""Find objects in scans without labels: KITTI-like .bin files in, boxes out."""
+"""Predict scans without labels: boxes from a detector's checkpoint, a class for each point from a segmentor's."""
 
 import argparse
 import sys
@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rm3d_plugin.engine.predict import predict_files
+from rm3d_plugin.engine.predict_formats import FORMATS
+from rm3d_plugin.engine.predict_points import PointOptions
 from rm3d_plugin.engine.run import exit_code
 
 
@@ -13,17 +15,40 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Read the arguments and predict."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('checkpoint', help='checkpoint of a training run; its config is inside')
-    parser.add_argument('scans', nargs='+', type=Path, help='.bin files, or folders of them')
     parser.add_argument(
-        '--out', type=Path, required=True, help='folder for NAME.json, and NAME.txt where ../calib has NAME'
+        'scans',
+        nargs='+',
+        type=Path,
+        help='scans, or folders of them; detector: .bin, segmentor: .ply .pcd .las .laz .npy .npz .bin .txt .csv .xyz',
     )
-    parser.add_argument('--min-score', type=float, default=0.1, help='leave out boxes that score lower; default 0.1')
+    parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
+    parser.add_argument(
+        '--min-score', type=float, help='leave out boxes and instances that score lower; default 0.1 for boxes, else 0'
+    )
     parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...; default cpu')
+    points = parser.add_argument_group('classes of points')
+    points.add_argument('--format', choices=list(FORMATS), default='ply', help='what is written; default ply')
+    points.add_argument('--votes', type=int, help='average over so many directions about z; default as in the run, 1')
+    points.add_argument('--chunk', type=float, metavar='METRES', help='predict in chunks of this edge')
+    points.add_argument('--max-points', type=int, help='predict in chunks of at most so many points; default 1000000')
+    points.add_argument(
+        '--unknown-below', type=float, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
+    )
+    points.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
+    points.add_argument(
+        '--intensity-range', type=float, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
+    )
     args = parser.parse_args(arguments)
-    scans = [scan for path in args.scans for scan in (sorted(path.glob('*.bin')) if path.is_dir() else [path])]
-    if not scans:
-        parser.error(f'no .bin file in {", ".join(map(str, args.scans))}')
-    for path in predict_files(args.checkpoint, scans, args.out, args.min_score, args.device):
+    options = PointOptions(
+        format=args.format,
+        votes=args.votes,
+        max_points=args.max_points,
+        chunk_size=args.chunk,
+        unknown_below=args.unknown_below,
+        columns=args.columns,
+        intensity_range=None if args.intensity_range is None else tuple(args.intensity_range),
+    )
+    for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
         print(path)
 
 

@@ -1,156 +1,79 @@
-"""Boxes for scans that nobody labelled."""
+"""Predictions for scans that nobody labelled: boxes from a detector, classes of points from a segmentor."""
 
-import json
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
-import torch
-from mmengine.config import Config
-from mmengine.dataset import pseudo_collate
-from mmengine.registry import init_default_scope
-
-from rm3d_plugin.datasets.base import features
-from rm3d_plugin.datasets.kitti_format import (
-    KittiCalib,
-    boxes_to_objects,
-    check_points,
-    in_camera_view,
-    read_calib,
-    read_velodyne,
-    write_objects,
-)
-from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.registry import MODELS, SCOPE, TRANSFORMS
-from rm3d_plugin.storage import write_json
-from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
+from rm3d_plugin.engine.predict_boxes import Detector, predict_boxes
+from rm3d_plugin.engine.predict_formats import output_name
+from rm3d_plugin.engine.predict_points import PointOptions, Segmenter, predict_points
+from rm3d_plugin.engine.trained import load_network
+from rm3d_plugin.models.segmentors import RM3DSegmentor
+from rm3d_plugin.storage.columns import ENDINGS
 
-IMAGE_SIZE = (1242, 375)  # pixels; KITTI's usual frame, used where there is no image
-
-
-@dataclass(frozen=True, eq=False)
-class Detector:
-    """A trained detector with everything it needs to read a scan.
-
-    Attributes:
-        model: The network, in evaluation mode.
-        pipeline: Test-time transforms.
-        classes: Class names.
-        point_range: (x, y, z, x, y, z) metres, what the network was trained to see.
-    """
-
-    model: Any
-    pipeline: list[Any]
-    classes: tuple[str, ...]
-    point_range: tuple[float, ...]
-
-    @classmethod
-    def load(cls, checkpoint: str | Path, device: str = 'cpu') -> 'Detector':
-        """Rebuild the network from a checkpoint of this project; the config travels inside as plain data.
-
-        Raises:
-            ConfigError: No such file, or a checkpoint of another program.
-        """
-        state = read_checkpoint(checkpoint)
-        if 'config_json' not in state.get('meta', {}):
-            raise ConfigError(f'{checkpoint}: holds no config; expected a checkpoint written by tools/train.py')
-        config = Config(json.loads(state['meta']['config_json']))
-        init_default_scope(SCOPE)
-        model = MODELS.build(config.model)
-        load_weights(model, state, checkpoint)
-        dataset = config.val_dataloader.dataset
-        pipeline = [TRANSFORMS.build(step) for step in dataset.pipeline]
-        return cls(model.to(_device(device)).eval(), pipeline, tuple(dataset.classes), tuple(dataset.point_range))
-
-    def detect(self, cloud: PointCloud, name: str = 'scan') -> Boxes3D:
-        """Find the objects in a cloud (lidar frame, z up, x forward).
-
-        Args:
-            cloud: Points with intensity.
-            name: For error messages.
-        """
-        item: dict[str, Any] = {'scene_id': name, 'index': 0, 'num_points': len(cloud), 'points': features(cloud)}
-        item['point_index'] = torch.arange(len(cloud)).numpy()
-        for step in self.pipeline:
-            item = step(item)
-        with torch.no_grad():
-            sample = self.model.test_step(pseudo_collate([item]))[0]
-        return Boxes3D(
-            sample.pred_bboxes_3d.cpu().numpy(),
-            sample.pred_labels_3d.cpu().numpy(),
-            sample.pred_scores_3d.cpu().numpy(),
-        )
+BOX_ENDINGS = ('.bin',)
 
 
-def _device(name: str) -> torch.device:
-    try:
-        device = torch.device(name)
-    except RuntimeError as error:
-        raise ConfigError(f'--device {name}: no such device; expected cpu, cuda, cuda:1 ...') from error
-    if device.type == 'cuda' and (device.index or 0) >= torch.cuda.device_count():
-        raise ConfigError(f'--device {name}: {torch.cuda.device_count()} CUDA devices were found; use --device cpu')
-    return device
+def predict_files(
+    checkpoint: str | Path,
+    scans: Sequence[Path],
+    out: Path,
+    min_score: float | None = None,
+    device: str = 'cpu',
+    options: PointOptions | None = None,
+) -> Iterator[Path]:
+    """Predict each scan with whatever network the checkpoint holds.
 
+    Args:
+        checkpoint: Of a training run.
+        scans: Files, or folders of them: ``.bin`` for a detector, every kind that
+            :func:`rm3d_plugin.storage.scans.read_scan` reads for a segmentor.
+        out: Folder for what is written.
+        min_score: Boxes and instances that score lower are left out; None: 0.1 for boxes, 0 for instances.
+        device: cpu, cuda, cuda:1 ...
+        options: Of a segmentor.
 
-def calib_beside(scan: Path) -> Path | None:
-    """The calibration of a scan in KITTI's layout (``../calib/NAME.txt``), or None."""
-    path = scan.parent.parent / 'calib' / f'{scan.stem}.txt'
-    return path if path.is_file() else None
-
-
-def read_scan(path: Path, point_range: tuple[float, ...], calib: KittiCalib | None) -> PointCloud:
-    """Read a ``.bin`` scan of float32 x, y, z, intensity; crop to range and, with a calibration, to the camera's view.
+    Yields:
+        Each file when it is written.
 
     Raises:
-        SceneError: The file cannot be used, or no point is left.
+        SceneError, ConfigError: A scan, the checkpoint or an option cannot be used; files already written stay.
     """
-    points = read_velodyne(path)
-    check_points(points, path)
-    keep = ((points[:, :3] >= point_range[:3]) & (points[:, :3] < point_range[3:])).all(axis=1)
-    if calib is not None:
-        keep &= in_camera_view(points, calib, IMAGE_SIZE)
-    if not keep.any():
-        raise SceneError(f'{path}: none of its {len(points)} points lies in the range {list(point_range)} (metres)')
-    return PointCloud(xyz=points[keep, :3], intensity=points[keep, 3], sensor=(0.0, 0.0, 0.0))
+    network = load_network(checkpoint, device)
+    if isinstance(network.model, RM3DSegmentor):
+        options = options or PointOptions()
+        files = find_scans(scans, ENDINGS)
+        _check_names(files, [output_name(scan, options.format) for scan in files])
+        yield from predict_points(Segmenter.from_network(network, options), files, out, min_score or 0.0)
+        return
+    if options is not None and (given := options.given()):
+        raise ConfigError(f'{checkpoint} finds boxes; {", ".join(given)} is for networks that classify points')
+    files = find_scans(scans, BOX_ENDINGS)
+    _check_names(files, [scan.stem for scan in files])
+    least = 0.1 if min_score is None else min_score
+    yield from predict_boxes(Detector.from_network(network), files, out, least)
 
 
-def predict_files(checkpoint: str | Path, scans: list[Path], out: Path, min_score: float, device: str) -> list[Path]:
-    """Detect in each scan; write ``NAME.json`` (lidar frame), and ``NAME.txt`` (KITTI) where a calibration is found.
+def find_scans(paths: Sequence[Path], endings: Sequence[str]) -> list[Path]:
+    """The named files, and of folders those with one of the endings, sorted.
 
     Raises:
-        SceneError, ConfigError: A scan or the checkpoint cannot be used; files already written stay.
+        ConfigError: There are none.
     """
-    detector = Detector.load(checkpoint, device)
-    written = []
-    for scan in scans:
-        calib_path = calib_beside(scan)
-        calib = None if calib_path is None else read_calib(calib_path)
-        boxes = detector.detect(read_scan(scan, detector.point_range, calib), scan.name)
-        assert boxes.scores is not None
-        boxes = boxes.select(boxes.scores >= min_score)
-        written.append(write_json(out / f'{scan.stem}.json', _as_json(scan, boxes, detector.classes)))
-        if calib is not None:
-            objects = boxes_to_objects(boxes, calib, detector.classes, IMAGE_SIZE)
-            write_objects(out / f'{scan.stem}.txt', objects)
-            written.append(out / f'{scan.stem}.txt')
-    return written
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(path.iterdir()) if path.is_dir() else [path]
+        found += [file for file in inside if not path.is_dir() or file.suffix.lower() in endings]
+    if not found:
+        raise ConfigError(f'no {" ".join(endings)} file in {", ".join(map(str, paths))}')
+    return found
 
 
-def _as_json(scan: Path, boxes: Boxes3D, classes: tuple[str, ...]) -> dict[str, Any]:
-    assert boxes.scores is not None
-    rows = zip(boxes.tensor, boxes.labels, boxes.scores, strict=True)
-    return {
-        'scan': scan.name,
-        'frame': 'lidar: x forward, y left, z up; metres; yaw in radians, counter-clockwise from x',
-        'boxes': [
-            {
-                'class': classes[label],
-                'score': round(float(score), 4),
-                'center': [round(float(v), 3) for v in box[:3]],
-                'size': [round(float(v), 3) for v in box[3:6]],
-                'yaw': round(float(box[6]), 4),
-            }
-            for box, label, score in rows
-        ],
-    }
+def _check_names(scans: Sequence[Path], names: Sequence[str]) -> None:
+    first: dict[str, Path] = {}
+    for scan, name in zip(scans, names, strict=True):
+        if name in first:
+            raise ConfigError(
+                f'{first[name]} and {scan} would be written to the same file {name}; predict one at a time'
+            )
+        first[name] = scan

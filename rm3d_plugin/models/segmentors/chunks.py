@@ -1,6 +1,6 @@
 """Scenes that do not fit: overlapping columns of points, and the mean of what is said of each point."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +9,10 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 CORE_SHARE = 0.75  # of a chunk's points at most; the rest is room for the margin
+
+
+Progress = Callable[[Sequence['Chunk']], Iterable['Chunk']]
+"""Hands on chunks one by one and may show how far it is."""
 
 
 class Chunk(NamedTuple):
@@ -111,7 +115,10 @@ def _with_margin(plane: np.ndarray, node: _Node, margin: float, max_points: int 
 
 
 def average_rows(
-    chunks: Sequence[Chunk], num_points: int, predict: Callable[[Tensor], Float[Tensor, 'points columns']]
+    chunks: Sequence[Chunk],
+    num_points: int,
+    predict: Callable[[Tensor], Float[Tensor, 'points columns']],
+    progress: Progress = iter,
 ) -> Float[Tensor, 'all columns']:
     """What is said of each point, the mean over its chunks by their weights; on the CPU, float32.
 
@@ -122,12 +129,13 @@ def average_rows(
         chunks: At least one; together they hold every point.
         num_points: N.
         predict: Rows of the scene (n,) int64 -> (n, columns).
+        progress: Shows how far it is.
     """
     if len(chunks) == 1:
         return predict(torch.from_numpy(chunks[0].rows)).cpu()
     total: Tensor | None = None
     weight = torch.zeros(num_points, 1)
-    for chunk in chunks:
+    for chunk in progress(chunks):
         rows, own = torch.from_numpy(chunk.rows), torch.from_numpy(chunk.weights)[:, None]
         values = predict(rows).float().cpu()
         if total is None:

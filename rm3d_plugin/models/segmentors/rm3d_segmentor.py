@@ -10,7 +10,7 @@ from torch import Tensor
 
 from rm3d_plugin.models.detectors.common_points import common_rows
 from rm3d_plugin.models.heads.point_labels import PointLabels, join_point_labels
-from rm3d_plugin.models.segmentors.chunks import Chunk
+from rm3d_plugin.models.segmentors.chunks import Chunk, Progress
 from rm3d_plugin.models.segmentors.instance_dice import soft_instance_masks
 from rm3d_plugin.models.segmentors.point_inputs import PointInputs, point_inputs
 from rm3d_plugin.models.segmentors.scene_inference import Predict, SceneInference, average_views, view_matrices
@@ -67,6 +67,10 @@ class RM3DSegmentor(BaseModel):
             read whole and once.
         data_preprocessor: ``ScenePreprocessor`` by default.
         init_cfg: As in mmengine.
+
+    Attributes:
+        inference: How scenes are read at test time; may be replaced.
+        progress: Hands on the chunks of a scene; a command may put a progress bar here.
     """
 
     def __init__(
@@ -93,6 +97,7 @@ class RM3DSegmentor(BaseModel):
             raise ValueError('dice_loss compares instances: give an instance_head too, or dice_loss=None')
         self.predict_instances, self.predict_points = predict_instances, predict_points
         self.inference = SceneInference(**(inference or {}))
+        self.progress: Progress = iter
         settings: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in (inputs or {}).items()}
         self.inputs = PointInputs(**settings)
         self.backbone = MODELS.build({**backbone, 'in_channels': self.inputs.channels})
@@ -205,7 +210,7 @@ class RM3DSegmentor(BaseModel):
         if not chunks:
             return self._joined(self.network({'points': points, 'batch_offsets': points.new_zeros(2).long()})).cpu()
         views = view_matrices(1) if self.predict_points else self.inference.views
-        return average_views(points, views, chunks, self._look, self.num_classes)
+        return average_views(points, views, chunks, self._look, self.num_classes, self.progress)
 
     def _look(self, points: Tensor) -> Predict:
         """A view of a scene, as a function that predicts some of its rows.

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from rm3d_plugin.models.segmentors.chunks import Chunk, average_rows, make_chunks
+from rm3d_plugin.models.segmentors.chunks import Chunk, Progress, average_rows, make_chunks
 
 Flip = Literal['none', 'both']
 Predict = Callable[[Tensor], Float[Tensor, 'rows columns']]
@@ -94,6 +94,7 @@ def average_views(
     chunks: Sequence[Chunk],
     look: Callable[[Tensor], Predict],
     scalars: int,
+    progress: Progress = iter,
 ) -> Float[Tensor, 'points values']:
     """What is said of each point, the mean over chunks and views; on the CPU.
 
@@ -104,10 +105,11 @@ def average_views(
         look: A turned scene -> a function from rows to what is said of them.
         scalars: Columns of the answer that are the same from every side; those behind are vectors, which are turned
             back.
+        progress: Shows how far a view is.
     """
     total: Tensor | None = None
     for matrix in views:
-        values = average_rows(chunks, len(points), look(turn(points, matrix))).float()
+        values = average_rows(chunks, len(points), look(turn(points, matrix)), progress).float()
         if values.shape[1] > scalars and not np.array_equal(matrix, np.eye(3)):
             back = values[:, scalars:].double() @ torch.from_numpy(matrix)  # the inverse, on rows
             values = torch.cat([values[:, :scalars], back.float()], dim=1)

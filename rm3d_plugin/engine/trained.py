@@ -1,0 +1,65 @@
+"""A trained network with what its run knew, from its checkpoint alone."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from mmengine.config import Config
+from mmengine.registry import init_default_scope
+
+from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.registry import MODELS, SCOPE, TRANSFORMS
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedNetwork:
+    """A network that is ready to predict.
+
+    Attributes:
+        model: The network, in evaluation mode.
+        pipeline: Transforms of its validation scenes.
+        config: Of its run, resolved.
+        classes: Names of the classes; () where the run named none.
+    """
+
+    model: Any
+    pipeline: list[Any]
+    config: Config
+    classes: tuple[str, ...]
+
+
+def load_network(checkpoint: str | Path, device: str = 'cpu') -> TrainedNetwork:
+    """Rebuild a network from a checkpoint of this project; the config travels inside as plain data.
+
+    Raises:
+        ConfigError: No such file or device, or a checkpoint of another program.
+    """
+    state = read_checkpoint(checkpoint)
+    if 'config_json' not in state.get('meta', {}):
+        raise ConfigError(f'{checkpoint}: holds no config; expected a checkpoint written by tools/train.py')
+    config = Config(json.loads(state['meta']['config_json']))
+    init_default_scope(SCOPE)
+    model = MODELS.build(config.model)
+    load_weights(model, state, checkpoint)
+    dataset = config.val_dataloader.dataset
+    pipeline = [TRANSFORMS.build(step) for step in dataset.pipeline]
+    names = dataset.get('classes') or (state['meta'].get('dataset_meta') or {}).get('classes') or ()
+    return TrainedNetwork(model.to(find_device(device)).eval(), pipeline, config, tuple(names))
+
+
+def find_device(name: str) -> torch.device:
+    """The device of that name.
+
+    Raises:
+        ConfigError: There is none.
+    """
+    try:
+        device = torch.device(name)
+    except RuntimeError as error:
+        raise ConfigError(f'--device {name}: no such device; expected cpu, cuda, cuda:1 ...') from error
+    if device.type == 'cuda' and (device.index or 0) >= torch.cuda.device_count():
+        raise ConfigError(f'--device {name}: {torch.cuda.device_count()} CUDA devices were found; use --device cpu')
+    return device
