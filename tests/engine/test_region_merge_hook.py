@@ -37,6 +37,10 @@ class CountingLabeler:
         self.events.append(('refresh', number, scene_id))
         self.predictions.append(prediction)
 
+    def refresh_all(self, number, predictions):
+        for scene_id, prediction in predictions:
+            self.refresh(number, scene_id, prediction)
+
     def finish(self, number, log):
         self.events.append(('finish', number))
         self.finished.add(number)

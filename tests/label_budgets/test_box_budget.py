@@ -191,3 +191,23 @@ def test_other_files_are_refused(tmp_path, text):
 def test_a_missing_file_says_how_to_draw_one(tmp_path):
     with pytest.raises(BudgetError, match=r'none\.json: no such label budget; a training run draws one'):
         load_box_budget(tmp_path / 'none.json')
+
+
+def test_classes_alike_take_turns_from_fresh_scenes():
+    labels = {f'{i:02d}': np.array([0] * 5 + [1] * (i % 4 == 0) + [2] * (i == 7)) for i in range(20)}
+    budget = draw_box_budget(labels, BoxAmount(per_scene=0.5, alike=True), seed=3)
+    assert budget.revealed_per_class == {0: 4, 1: 5, 2: 1}  # one box of class 2; the others in turn, the rarer first
+    assert max(len(rows) for rows in budget.revealed.values()) == 1
+    assert budget.hash != draw_box_budget(labels, BoxAmount(per_scene=0.5), seed=3).hash
+
+
+def test_more_than_there_is_ends_the_turns():
+    labels = {'a': np.array([0, 0, 1])}
+    assert draw_box_budget(labels, BoxAmount(per_scene=9, alike=True), seed=0).revealed == {'a': (0, 1, 2)}
+
+
+def test_a_budget_of_classes_alike_comes_back_equal(tmp_path):
+    labels = {name: np.array([0, 1, 1]) for name in 'abcd'}
+    budget = draw_box_budget(labels, BoxAmount(per_scene=0.5, alike=True), seed=0)
+    save_box_budget(tmp_path / 'budget.json', budget)
+    assert load_box_budget(tmp_path / 'budget.json') == budget
