@@ -20,6 +20,7 @@ from rm3d_plugin.storage import LabelStore, read_json
 from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels, Regions
 from rm3d_plugin.visualization import (
     BudgetSummary,
+    MergeReport,
     Picture,
     RunReport,
     draw_bev,
@@ -71,8 +72,10 @@ def run_report(
     classes: Sequence[str],
     pictures: Sequence[Picture],
     seconds: Mapping[str, float],
+    views: Mapping[str, Any] | None = None,
+    merges: MergeReport | None = None,
 ) -> RunReport:
-    """Everything the page shows."""
+    """Everything the page shows; ``views`` and ``merges`` in segmentation only."""
     rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
     charts = [loss_chart(record['losses']), score_chart(record['validation']), *label_charts(rounds)]
     final = record.get('final', {})
@@ -87,6 +90,8 @@ def run_report(
         charts=[chart for chart in charts if chart is not None],
         rounds=rounds,
         pictures=pictures,
+        views=views,
+        merges=merges,
         config={key: config[key] for key in SHOWN_KEYS if key in config},
         config_text=config.pretty_text,
         seconds=seconds,

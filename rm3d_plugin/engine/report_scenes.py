@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,10 +11,12 @@ from rm3d_plugin.engine.base_labeler import BaseLabeler
 from rm3d_plugin.evaluation.point_fields import predicted_classes
 from rm3d_plugin.structures import UNLABELLED, PointCloud, PseudoLabels
 from rm3d_plugin.visualization import BevPanel, Picture, draw_bev
-from rm3d_plugin.visualization.bev import class_point_colors
+from rm3d_plugin.visualization.bev import class_point_colors, span_of
 from rm3d_plugin.visualization.palette import class_color, region_colors
+from rm3d_plugin.visualization.scene_view import Kind, Layer, SceneView, pack_views
 
 CEILING = 'ceiling'  # hides a room seen from above
+CUT = 0.85  # share of the height that a view of rooms with ceilings shows at first
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +102,9 @@ def scene_from_above(scene: SceneRecord, classes: Sequence[str]) -> Picture:
     if panels and shown:
         numbers = np.unique(np.concatenate([values[rows] for values in shown]))
         legend = [(class_color(c), classes[c]) for c in numbers.tolist() if 0 <= c < len(classes)]
-        panels[-1] = BevPanel(panels[-1].title, xyz, panels[-1].colors, legend=legend)
-    return Picture(scene.caption, draw_bev(panels or [BevPanel('Scene', xyz)]))
+        panels[-1] = BevPanel(panels[-1].title, xyz, panels[-1].colors, legend=legend, legend_beside=True)
+    panels = panels or [BevPanel('Scene', xyz)]
+    return Picture(scene.caption, draw_bev(panels, span_of(panels, margin=0.3), dpi=90))
 
 
 def _uncovered(
@@ -112,3 +116,43 @@ def _uncovered(
     if known is None or CEILING not in classes:
         return order
     return order[known[order] != list(classes).index(CEILING)]
+
+
+def scene_view(scene: SceneRecord) -> SceneView:
+    """The scene with every colouring there is: own colours, regions, labels by round, prediction, truth, instances."""
+    labels = [Layer(f'labels {n}', 'class', made.semantic, 'labels') for n, made in sorted(scene.labels.items())]
+    layers = [
+        Layer('colour', 'rgb', own_colors(scene.cloud)),
+        *_layer('regions', 'number', scene.regions),
+        *labels,
+        *_layer('prediction', 'class', scene.predicted, 'prediction'),
+        *_layer('truth', 'class', scene.truth, 'truth'),
+        *_layer('found instances', 'number', scene.instances),
+        *_layer('true instances', 'number', scene.true_instances),
+    ]
+    last = scene.labels[max(scene.labels)] if scene.labels else None
+    marked = None if last is None or last.complete else np.flatnonzero(last.point_is_true)
+    return SceneView(scene.caption, scene.cloud.xyz, layers, marked)
+
+
+def _layer(
+    name: str, kind: Kind, values: Int[np.ndarray, ' points'] | None, role: Literal['', 'prediction', 'truth'] = ''
+) -> list[Layer]:
+    return [] if values is None else [Layer(name, kind, values, role)]
+
+
+def own_colors(cloud: PointCloud) -> Float[np.ndarray, 'points 3']:
+    """Colours of the scan in [0, 1]; else grey by intensity, else by height, from dark to light."""
+    if cloud.colors is not None:
+        return cloud.colors
+    values = cloud.xyz[:, 2] if cloud.intensity is None else cloud.intensity
+    low, high = np.quantile(values, (0.02, 0.98)) if len(values) else (0.0, 1.0)
+    level = np.clip((values - low) / max(float(high - low), 1e-6), 0, 1)
+    return np.repeat(0.25 + 0.7 * level[:, None], 3, axis=1)
+
+
+def views_of(scenes: Sequence[SceneRecord], classes: Sequence[str]) -> dict[str, Any] | None:
+    """All scenes to turn, packed for the page; None without any."""
+    if not scenes:
+        return None
+    return pack_views([scene_view(scene) for scene in scenes], classes, cut=CUT if CEILING in classes else 1.0)

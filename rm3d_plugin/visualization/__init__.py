@@ -11,19 +11,26 @@ from rm3d_plugin.visualization.report import (
     render_report,
     write_report,
 )
+from rm3d_plugin.visualization.report_merges import MergeReport, MergeRow
+from rm3d_plugin.visualization.scene_view import Layer, SceneView, pack_views
 
 __all__ = [
     'BevPanel',
     'BoxLayer',
     'BudgetSummary',
     'Chart',
+    'Layer',
+    'MergeReport',
+    'MergeRow',
     'Picture',
     'ResultRow',
     'RunReport',
     'ScoreTable',
     'Series',
+    'SceneView',
     'draw_bev',
     'draw_chart',
+    'pack_views',
     'render_report',
     'scene_panels',
     'smooth',

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -47,6 +48,7 @@ class BevPanel:
         colors: (N, 3) RGB in [0, 1] or None: grey.
         layers: Boxes on top, the last uppermost.
         legend: (colour, words) of point colours.
+        legend_beside: The legend stands to the right of the square, where it hides nothing.
     """
 
     title: str
@@ -54,6 +56,7 @@ class BevPanel:
     colors: Float[np.ndarray, 'points 3'] | None = None
     layers: Sequence[BoxLayer] = ()
     legend: Sequence[tuple[str, str]] = ()
+    legend_beside: bool = False
 
 
 def class_point_colors(labels: Int[np.ndarray, ' points'], num_classes: int) -> Float[np.ndarray, 'points 3']:
@@ -180,4 +183,6 @@ def _draw_panel(axes: Axes, panel: BevPanel, span: Span, max_points: int) -> Non
     axes.set_ylabel('y (m)', fontsize=8)
     axes.tick_params(labelsize=7)
     if handles:
-        axes.legend(handles=handles, fontsize=7, loc='upper right', framealpha=0.85)
+        beside: dict[str, Any] = {'loc': 'upper left', 'bbox_to_anchor': (1.01, 1.0), 'borderaxespad': 0}
+        place = beside if panel.legend_beside else {'loc': 'upper right'}
+        axes.legend(handles=handles, fontsize=7, framealpha=0.85, **place)

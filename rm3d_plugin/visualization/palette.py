@@ -5,12 +5,18 @@ from jaxtyping import Float, Int
 
 # Okabe and Ito's set, in an order in which neighbours differ most; readable on light and on dark ground.
 SERIES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#8c6bb1', '#7f7f7f')
+# Sixteen more for data sets with many classes; readable on light and on dark ground, if less safe to tell apart.
+MORE = (
+    '#b2182b', '#a1d76a', '#5e3cb9', '#f4a6d7', '#9c6114', '#2dd4bf', '#f0e442', '#3d9a2e',
+    '#ff6f61', '#2b5fd9', '#c7b198', '#c51b7d', '#6b8e23', '#b3cde3', '#a020f0', '#d9f0a3',
+)  # fmt: skip
 GREY = '#b0b0b0'
 
 
 def class_color(number: int) -> str:
-    """Colour of a class or of a line; repeats after eight."""
-    return SERIES[number % len(SERIES)]
+    """Colour of a class or of a line; repeats after twenty-four."""
+    every = SERIES + MORE
+    return every[number % len(every)]
 
 
 def region_colors(labels: Int[np.ndarray, ' points']) -> Float[np.ndarray, 'points 3']:

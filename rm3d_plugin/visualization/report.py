@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from rm3d_plugin.storage.files import write_text
 from rm3d_plugin.visualization.curves import Chart
 from rm3d_plugin.visualization.report_labels import label_section
+from rm3d_plugin.visualization.report_merges import MergeReport, merge_section
 from rm3d_plugin.visualization.report_sections import (
     budget_section,
     chart_section,
@@ -16,9 +17,11 @@ from rm3d_plugin.visualization.report_sections import (
     picture_section,
     result_section,
     score_section,
+    section,
     summary_section,
     time_section,
 )
+from rm3d_plugin.visualization.scene_view import view_block
 
 
 class Picture(NamedTuple):
@@ -80,6 +83,8 @@ class RunReport:
             (in [0, 1] or None); ``boxes``: by class ``revealed``, ``pseudo``, ``right``, ``true`` (counts);
             ``truth_known``: False where right and true mean nothing. ``round`` numbers the row, else its place does.
         pictures: Bird's-eye views.
+        views: Scenes to turn, as :func:`~rm3d_plugin.visualization.scene_view.pack_views` gives them.
+        merges: Strongest and weakest merges of the last round.
         config: Settings by name.
         config_text: The whole resolved config.
         seconds: Wall-clock seconds by stage.
@@ -95,6 +100,8 @@ class RunReport:
     charts: Sequence[Chart] = ()
     rounds: Sequence[Mapping[str, Any]] = ()
     pictures: Sequence[Picture] = ()
+    views: Mapping[str, Any] | None = None
+    merges: MergeReport | None = None
     config: Mapping[str, Any] = field(default_factory=dict)
     config_text: str = ''
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -110,11 +117,13 @@ def render_report(run: RunReport) -> str:
         '' if budget is None else budget_section(budget.name, budget.digest, budget.seed, budget.counts),
         label_section(run.rounds),
         chart_section(run.charts),
+        '' if run.views is None else section('turn', 'Scenes to turn', view_block(dict(run.views))),
         picture_section(run.pictures),
+        '' if run.merges is None else merge_section(run.merges),
         time_section(run.seconds),
         config_section(run.config, run.config_text),
     ]
-    return page(run.title, run.synthetic, run.notes, [section for section in sections if section])
+    return page(run.title, run.synthetic, run.notes, [part for part in sections if part])
 
 
 def write_report(path: str | Path, run: RunReport) -> Path:

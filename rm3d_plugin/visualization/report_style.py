@@ -59,6 +59,22 @@ svg .line { fill: none; stroke-width: 2; stroke-linejoin: round; }
   display: inline-block; width: 0.9rem; height: 0.9rem;
   border-radius: 3px; margin-right: 0.35rem; vertical-align: -0.1rem;
 }
+.view canvas {
+  display: block; width: 100%; height: min(70vh, 40rem); background: #14181d; border-radius: 6px;
+  touch-action: none; cursor: grab;
+}
+.view canvas:focus-visible { outline: 2px solid var(--link); }
+.view .bar { display: flex; flex-wrap: wrap; gap: 0.4rem 1.25rem; align-items: center; margin: 0.5rem 0; }
+.view .buttons { display: flex; flex-wrap: wrap; gap: 0.25rem; }
+.view button, .view select {
+  font: inherit; font-size: 0.88rem; color: var(--ink); background: var(--tile);
+  border: 1px solid var(--line); border-radius: 6px; padding: 0.15rem 0.6rem; cursor: pointer;
+}
+.view button[aria-pressed='true'] { background: var(--link); border-color: var(--link); color: var(--ground); }
+.view .legend button { border: 0; background: none; padding: 0; }
+.view .off { opacity: 0.4; text-decoration: line-through; }
+.view .told { max-width: none; margin: 0.25rem 0; font-size: 0.88rem; color: var(--soft); min-height: 1.5em; }
+.view input { vertical-align: middle; }
 pre {
   overflow-x: auto; background: var(--tile); border: 1px solid var(--line);
   border-radius: 6px; padding: 0.75rem; font-size: 0.85rem;

@@ -16,12 +16,14 @@ from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.point_labeler import PointLabeler
 from rm3d_plugin.engine.report import run_report, scene_picture
+from rm3d_plugin.engine.report_merges import merge_report
 from rm3d_plugin.engine.report_scenes import (
     SceneRecord,
     pick_scenes,
     point_classes,
     point_instances,
     scene_from_above,
+    views_of,
 )
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.structures import Boxes3D, SceneError
@@ -54,13 +56,16 @@ class ReportHook(Hook):
             return
         labeler = merging[0].labeler
         seconds = {'training, this process': time.perf_counter() - self._began, 'of it labels': merging[0].seconds}
+        views = merges = None
         if isinstance(labeler, PointLabeler):
             scenes = [*self._train_records(runner, merging[0]), *self._val_records(runner)]
             pictures = [scene_from_above(scene, labeler.source.classes) for scene in scenes]
+            views = views_of(scenes, labeler.source.classes)
+            merges = merge_report(labeler.store, labeler.source)
         else:
             pictures = [*self._train_pictures(runner, merging[0]), *self._val_pictures(runner)]
-        record = read_record(runner.work_dir)
-        report = run_report(runner.cfg, record, labeler.store, labeler.source.classes, pictures, seconds)
+        record, classes = read_record(runner.work_dir), labeler.source.classes
+        report = run_report(runner.cfg, record, labeler.store, classes, pictures, seconds, views, merges)
         path = write_report(Path(runner.work_dir) / 'report.html', report)
         runner.logger.info(f'report: {path}')
 
