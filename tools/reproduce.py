@@ -1,25 +1,42 @@
-"""Make a table of the documentation anew: train its runs (finished ones are kept), then print it."""
+"""Make a table of the documentation anew: train its runs (finished ones are kept) or measure it, then print it."""
 
 import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rm3d_plugin.engine.reproduce import TABLES, reproduce
+from rm3d_plugin.engine.reproduce import MEASURED, TABLES, measure, reproduce
 from rm3d_plugin.engine.run import exit_code
+from rm3d_plugin.engine.table_scenes import COLLECTIONS
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Read the arguments and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('table', choices=sorted(TABLES), help='; '.join(f'{k}: {t.title}' for k, t in TABLES.items()))
-    parser.add_argument('--seeds', type=int, nargs='+', default=[0, 1, 2], help='one run a seed; default 0 1 2')
-    parser.add_argument('--out', type=Path, help='folder of the runs; default work_dirs/reproduce/TABLE')
-    parser.add_argument('--jobs', type=int, default=1, help='runs at the same time, one thread each; default 1')
-    parser.add_argument('--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of every run')
+    titles = {key: table.title for key, table in TABLES.items()} | {key: table.title for key, table in MEASURED.items()}
+    parser.add_argument('table', choices=sorted(titles), help='; '.join(f'{k}: {t}' for k, t in titles.items()))
+    parser.add_argument('--out', type=Path, help='folder of the results; default work_dirs/reproduce/TABLE')
+    training = parser.add_argument_group('tables that train')
+    training.add_argument('--seeds', type=int, nargs='+', default=[0, 1, 2], help='one run a seed; default 0 1 2')
+    training.add_argument('--jobs', type=int, default=1, help='runs at the same time, one thread each; default 1')
+    training.add_argument('--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of every run')
+    measured = parser.add_argument_group('tables that measure scenes', f'({", ".join(MEASURED)})')
+    measured.add_argument('--scenes', type=int, default=2, help='scenes of each kind; default 2')
+    measured.add_argument('--seed', type=int, default=0, help='of labels, turns and noise; default 0')
+    measured.add_argument(
+        '--data',
+        nargs='+',
+        default=list(COLLECTIONS),
+        choices=COLLECTIONS,
+        help='kinds of scenes; default: all there are',
+    )
+    measured.add_argument('--data-root', type=Path, help='folder of the synthetic scenes; default OUT/data')
     args = parser.parse_args(arguments)
     out = args.out or Path('work_dirs/reproduce') / args.table
-    print(reproduce(args.table, args.seeds, out, args.jobs, args.cfg_options))
+    if args.table in MEASURED:
+        print(measure(args.table, out, args.data, args.scenes, args.seed, args.data_root))
+    else:
+        print(reproduce(args.table, args.seeds, out, args.jobs, args.cfg_options))
 
 
 if __name__ == '__main__':

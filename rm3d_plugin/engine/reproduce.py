@@ -1,4 +1,4 @@
-"""Tables of the documentation: train what they need, then read the scores."""
+"""Tables of the documentation: train or measure what they need, then print them."""
 
 import statistics
 import subprocess
@@ -7,9 +7,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.engine.overseg_table import descriptor_table
+from rm3d_plugin.engine.robustness import robustness_card
+from rm3d_plugin.engine.table_scenes import COLLECTIONS
 from rm3d_plugin.storage import write_text
 
 
@@ -46,6 +50,71 @@ TABLES = {
         },
     )
 }
+
+
+class Measure(Protocol):
+    """What measures a table without training, see :func:`rm3d_plugin.engine.overseg_table.descriptor_table`."""
+
+    def __call__(
+        self,
+        out: Path,
+        data: Sequence[str],
+        *,
+        scenes: int,
+        seed: int,
+        data_root: Path | None,
+        log: Callable[[str], None],
+    ) -> str:
+        """Write the table's files into ``out``; return it as markdown."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A table of measurements on scenes, without training.
+
+    Attributes:
+        title: One line.
+        measure: What makes it.
+    """
+
+    title: str
+    measure: Measure
+
+
+MEASURED = {
+    'descriptors-overseg': Measured(
+        'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table
+    ),
+    'robustness-card': Measured('Similarity of the same point after turning, thinning and noise', robustness_card),
+}
+
+
+def measure(
+    name: str,
+    out: Path,
+    data: Sequence[str] = tuple(COLLECTIONS),
+    scenes: int = 2,
+    seed: int = 0,
+    data_root: Path | None = None,
+    log: Callable[[str], None] = print,
+) -> str:
+    """Measure a table anew, and return it as markdown.
+
+    Args:
+        name: Key of :data:`MEASURED`.
+        out: Folder of the table's files.
+        data: Keys of :data:`rm3d_plugin.engine.table_scenes.COLLECTIONS`; real data that are not there are left out.
+        scenes: Scenes of each, at most.
+        seed: Of all that is drawn.
+        data_root: Folder where synthetic data are made or found; default ``out/data``.
+        log: Told what is done.
+
+    Raises:
+        ConfigError: There is no such table or collection, or a file cannot be used.
+    """
+    if name not in MEASURED:
+        raise ConfigError(f'no measured table {name!r}; there are: {", ".join(MEASURED)}')
+    return MEASURED[name].measure(out, data, scenes=scenes, seed=seed, data_root=data_root, log=log)
 
 
 def reproduce(
