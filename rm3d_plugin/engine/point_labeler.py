@@ -1,7 +1,9 @@
 """Where making labels meets learning from them, in segmentation."""
 
+import zlib
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import add
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -9,10 +11,18 @@ import numpy as np
 import torch
 from jaxtyping import Int
 
-from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction, SceneLabels
+from rm3d_plugin.engine.base_labeler import BaseLabeler, Log, PointPrediction, SceneLabels
 from rm3d_plugin.engine.label_report import PointTruth, summarise_points
 from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.pseudo_labels import WeakLabels, refresh_points
+from rm3d_plugin.pseudo_labels.held_in import (
+    HeldIn,
+    HeldInErrors,
+    got_worse,
+    held_in_errors,
+    split_held_in,
+    without_new_labels,
+)
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
@@ -23,7 +33,8 @@ Seeds = Literal['none', 'revealed']
 class PointLabeler(BaseLabeler):
     """Labels of segmentation: classes and instances of points, spread over regions (METHOD 1).
 
-    Scenes of which everything is revealed keep their labels as they are.
+    Scenes of which everything is revealed keep their labels as they are. Where ``strategy.hold_in`` keeps revealed
+    points aside, nothing but the check of a finished round knows them.
 
     Args:
         store: Folder of the label store.
@@ -33,7 +44,9 @@ class PointLabeler(BaseLabeler):
         oversegmenter: Config of an over-segmenter.
         seeds: 'revealed': regions grow from the revealed points first, as the paper has it (METHOD 5). 'none': they
             depend on the geometry alone, so runs with other budgets or seeds share them.
-        spread: False: training sees the revealed points alone (the weak baseline), no region is made.
+        spread: False: training sees the revealed points alone (the weak baseline), no region is made and no point kept
+            aside.
+        seed: Of the draw of the points kept aside.
         settings: Further arguments of :class:`BaseLabeler`.
     """
 
@@ -46,6 +59,7 @@ class PointLabeler(BaseLabeler):
         oversegmenter: Mapping[str, Any],
         seeds: Seeds = 'revealed',
         spread: bool = True,
+        seed: int = 0,
         **settings: Any,
     ) -> None:
         if seeds not in get_args(Seeds):
@@ -53,6 +67,17 @@ class PointLabeler(BaseLabeler):
         super().__init__(store, cache, source, descriptor, oversegmenter, **settings)
         self.spread = spread
         self._seeds = seeds
+        self._seed = seed
+
+    def held_in(self, scene_id: str) -> HeldIn:
+        """Revealed labels of a scene in two parts: what is trained on, and what checks the rounds."""
+        share = self.strategy.hold_in if self.spread else 0.0
+        rng = np.random.default_rng([self._seed, zlib.crc32(scene_id.encode())])
+        return split_held_in(super().weak(scene_id), share, rng)
+
+    def weak(self, scene_id: str) -> WeakLabels:
+        """Revealed labels of a scene, without the points that are kept aside."""
+        return self.held_in(scene_id).weak
 
     def needs_geometry(self) -> bool:
         """Whether labels spread over regions."""
@@ -67,8 +92,12 @@ class PointLabeler(BaseLabeler):
 
     @cached_property
     def class_counts(self) -> Int[np.ndarray, ' classes']:
-        """Revealed points of each class."""
-        return self.source.point_counts()
+        """Revealed points of each class, without those kept aside."""
+        counts = self.source.point_counts()
+        if self.strategy.hold_in and self.spread:
+            for scene in self.index_of:
+                counts = counts - np.bincount(self.held_in(scene).classes, minlength=len(counts))
+        return counts
 
     def inform(self, model: Any) -> None:
         """Tell the model how often each class is revealed, where it asks for it."""
@@ -95,6 +124,34 @@ class PointLabeler(BaseLabeler):
             tuple(self.source.thing_classes),
         )
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
+
+    def finish(self, number: int, log: Log = print) -> None:
+        """Take back what the points kept aside contradict, then close the round."""
+        if number and self.strategy.hold_in and self.spread:
+            self._roll_back(number, log)
+        super().finish(number, log)
+
+    def _roll_back(self, number: int, log: Log) -> None:
+        """Drop a round's new labels of the classes that contradict more kept-aside points than before."""
+        new, old = self._errors(number), self._errors(number - 1)
+        worse = got_worse(new, old, self.strategy.hold_in_margin)
+        if not worse.any():
+            return
+        for scene in self.index_of:
+            labels, previous = self.store.read(scene, number), self.store.read(scene, number - 1)
+            self.store.write(number, scene, without_new_labels(labels, previous, worse))
+        names = ', '.join(
+            f'{name} ({new.wrong[c]} of {new.judged[c]} wrong, {old.wrong[c]} of {old.judged[c]} before)'
+            for c, name in enumerate(self.source.classes)
+            if worse[c]
+        )
+        log(f'labels of round {number}: the points kept aside contradict {names}; new labels of these are dropped')
+
+    def _errors(self, number: int) -> HeldInErrors:
+        count = len(self.source.classes)
+        nothing = HeldInErrors(np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64))
+        parts = (held_in_errors(self.store.read(s, number).semantic, self.held_in(s), count) for s in self.index_of)
+        return reduce(add, parts, nothing)
 
     def summarise_round(self, number: int) -> dict[str, Any]:
         """Coverage and precision of each class, and how far the centres of instances are off."""

@@ -107,6 +107,66 @@ def test_a_resumed_run_goes_on_with_what_is_there(tmp_path):
     assert again.is_finished(0)
 
 
+# ---------------------------------------------------------------------- points kept aside
+
+
+def test_points_kept_aside_reach_neither_labels_nor_counts_nor_seeds(tmp_path):
+    whole, made = labeler(tmp_path, '1pct'), labeler(tmp_path / 'held', '1pct', strategy={'hold_in': 0.25})
+    made.start(keep=False, log=lambda text: None)
+    kept = 0
+    for scene in made.index_of:
+        held, all_known = made.held_in(scene), whole.weak(scene)
+        assert len(held.points) >= 4
+        np.testing.assert_array_equal(held.classes, all_known.semantic[held.points])
+        assert (made.weak(scene).semantic[held.points] == -1).all()
+        assert not np.isin(held.points, made.seeds(scene)).any()
+        assert not made.store.read(scene, 0).point_is_true[held.points].any()
+        kept += np.bincount(held.classes, minlength=3)
+    np.testing.assert_array_equal(made.class_counts + kept, whole.class_counts)
+    again = labeler(tmp_path / 'held', '1pct', strategy={'hold_in': 0.25})
+    np.testing.assert_array_equal(again.held_in('room1').points, made.held_in('room1').points)
+    other = labeler(tmp_path / 'held', '1pct', strategy={'hold_in': 0.25}, spread=False)
+    assert len(other.held_in('room1').points) == 0  # nothing spreads that could be wrong
+
+
+@pytest.mark.parametrize('hold_in', [0.0, 0.25])
+def test_a_bad_round_is_taken_back_by_the_points_kept_aside(tmp_path, hold_in):
+    """The planted network calls everything a box, surely; where points are kept aside, no such label stays."""
+    told = []
+    made = labeler(tmp_path, '1pct', strategy={'hold_in': hold_in, 'permanent': False, 'rounds': 2})
+    made.start(keep=False)
+    made.begin(1)
+    first = {scene: made.store.read(scene, 0) for scene in made.index_of}
+    for scene, index in made.index_of.items():
+        truth = made.source.truth(index)
+        wrong = certain(truth)
+        wrong.probabilities[:] = [0.02, 0.96, 0.02]
+        made.refresh(1, scene, wrong)
+    planted = sum(int((made.store.read(s, 1).semantic == 1).sum()) for s in made.index_of)
+    made.finish(1, told.append)
+    assert planted > 1.2 * sum(int((labels.semantic == 1).sum()) for labels in first.values())
+    for scene, before in first.items():
+        after = made.store.read(scene, 1)
+        new = (after.semantic == 1) & (before.semantic != 1) & ~after.point_is_true
+        assert new.any() == (hold_in == 0)
+    assert len(told) == 1 + (hold_in > 0)
+    if hold_in:
+        assert 'labels of round 1: the points kept aside contradict box (' in told[0]
+        assert made.store.read_ledger('room0', 1)
+    assert made.store.is_complete(1)
+
+
+def test_a_good_round_stays(tmp_path):
+    told = []
+    made = labeler(tmp_path, '1pct', strategy={'hold_in': 0.25})
+    made.start(keep=False)
+    made.begin(1)
+    for scene, index in made.index_of.items():
+        made.refresh(1, scene, certain(made.source.truth(index)))
+    made.finish(1, told.append)
+    assert len(told) == 1 and made.store.summary(1)['coverage'] > made.store.summary(0)['coverage']
+
+
 # ---------------------------------------------------------------------- the report
 
 

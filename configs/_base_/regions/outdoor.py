@@ -48,6 +48,7 @@ custom_hooks = [
             max_gap='${max_gap}',
             seeds='${region_seeds}',
             spread='${spread}',
+            seed='${budget_seed}',
         ),
     ),
     dict(type='SafeCheckpointHook'),
