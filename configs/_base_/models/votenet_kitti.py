@@ -23,6 +23,7 @@ model = dict(
     aug_loss=dict(type='JSAugLoss'),
     dice_loss=dict(type='DiceLoss'),
     scene_class_head=dict(type='SceneClassHead'),
+    fuse_iou=0.3,
 )
 voxel_size = 0.1  # m
 widths = [32, 64, 96, 128]
