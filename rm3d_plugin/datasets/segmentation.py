@@ -32,6 +32,20 @@ class RawScene(NamedTuple):
     instance: Int[np.ndarray, ' points'] | None = None
 
 
+class WholeTruth(NamedTuple):
+    """Truth of every original point of a scene, as metrics read it; see ``evaluation.point_fields.point_truth``.
+
+    Attributes:
+        semantic: (N,) int64 classes.
+        instance: (N,) int64 instance numbers, or None.
+        original_index: (N,) int64 row of the thinned scene that stands for each point; None: nothing was thinned.
+    """
+
+    semantic: Int[np.ndarray, ' points']
+    instance: Int[np.ndarray, ' points'] | None
+    original_index: Int[np.ndarray, ' points'] | None
+
+
 class SegmentationDataset(SceneDataset):
     """Scenes whose points have classes, and instance numbers where the data set has things.
 
@@ -73,6 +87,11 @@ class SegmentationDataset(SceneDataset):
         return self._scene(index)[1].rows
 
     @property
+    def metainfo(self) -> dict[str, Any]:
+        """What visualizers and metrics ask for; instance metrics count ``thing_classes`` only."""
+        return super().metainfo | {'thing_classes': self.thing_classes}
+
+    @property
     def thing_classes(self) -> tuple[int, ...]:
         """Numbers of the classes that have instances; () where the data set has none."""
         return ()
@@ -93,6 +112,14 @@ class SegmentationDataset(SceneDataset):
             raise SceneError(f'scene {self.scene_ids[index]}: {self.why_no_truth(index)}')
         instance = None if scene.instance is None else _renumber(scene.instance[thin.kept])
         return Truth(Boxes3D.empty(), scene.semantic[thin.kept], instance)
+
+    def annotation(self, index: int) -> WholeTruth | None:
+        """Truth of all points, so that metrics count those that were thinned away or dropped; None without labels."""
+        scene, thin = self._scene(index)
+        if scene.semantic is None:
+            return None
+        instance = None if scene.instance is None else _renumber(scene.instance)
+        return WholeTruth(scene.semantic, instance, None if self.voxel_thin is None else thin.rows)
 
     def why_no_truth(self, index: int) -> str:
         """What to tell who asks for labels that the files do not hold."""

@@ -99,8 +99,15 @@ def _near(plane: np.ndarray, core: np.ndarray, around: np.ndarray, margin: float
     return around[_gap(plane, core, around) < margin] if margin > 0 else core
 
 
+def _without(rows: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Rows that are not among some of them; both ascending."""
+    kept = np.ones(len(rows), dtype=bool)
+    kept[np.searchsorted(rows, some)] = False
+    return rows[kept]
+
+
 def _with_margin(plane: np.ndarray, node: _Node, margin: float, max_points: int | None) -> Chunk:
-    others = np.setdiff1d(node.around, node.core, assume_unique=True)
+    others = _without(node.around, node.core)
     gap = _gap(plane, node.core, others)
     reach, room = margin, len(others) if max_points is None else max(0, max_points - len(node.core))
     if len(others) > room:
