@@ -7,11 +7,12 @@ threads on the other cores do its share.
 """
 
 import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from queue import Empty, SimpleQueue
-from threading import Lock, Thread
+from threading import Lock, Thread, local
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,7 +24,9 @@ from torch.utils.data import get_worker_info
 
 Result = TypeVar('Result')
 Array = np.ndarray[Any, Any]
+AHEAD = 2  # blocks for each thread that wait to be taken
 _chosen: int | None = None
+_helper = local()  # ``busy`` in a thread that already is one of several
 
 
 def set_threads(count: int) -> None:
@@ -65,14 +68,49 @@ def map_blocks(work: Callable[[int, int], Result], total: int, block: int) -> li
         block: Items in a block; the last one may be shorter.
 
     Returns:
-        One result a block. ``NUMBA_NUM_THREADS`` bounds the threads.
+        One result a block. ``NUMBA_NUM_THREADS`` bounds the threads; a thread of another call asks no others for help.
     """
-    spans = [(start, min(start + block, total)) for start in range(0, total, block)]
-    threads = min(int(config.NUMBA_NUM_THREADS), len(spans))
+    spans = _spans(total, block)
+    threads = _threads_for(spans)
     if threads <= 1:
         return [work(start, stop) for start, stop in spans]
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(threads, initializer=_mark_helper) as pool:
         return list(pool.map(lambda span: work(*span), spans))
+
+
+def map_ahead(work: Callable[[int, int], Result], total: int, block: int) -> Iterator[Result]:
+    """As :func:`map_blocks`, one result at a time; the threads go on with the next few while it is being used.
+
+    The threads end when the iterator is exhausted or closed.
+    """
+    spans = _spans(total, block)
+    threads = _threads_for(spans)
+    if threads <= 1:
+        yield from (work(start, stop) for start, stop in spans)
+        return
+    waiting: deque[Future[Result]] = deque()
+    with ThreadPoolExecutor(threads, initializer=_mark_helper) as pool:
+        try:
+            for start, stop in spans:
+                waiting.append(pool.submit(work, start, stop))
+                if len(waiting) > AHEAD * threads:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _spans(total: int, block: int) -> list[tuple[int, int]]:
+    return [(start, min(start + block, total)) for start in range(0, total, block)]
+
+
+def _threads_for(spans: list[tuple[int, int]]) -> int:
+    return 1 if getattr(_helper, 'busy', False) else min(int(config.NUMBA_NUM_THREADS), len(spans))
+
+
+def _mark_helper() -> None:
+    _helper.busy = True
 
 
 def each_block(work: Callable[[Array], object], blocks: int, least: int = 1) -> None:

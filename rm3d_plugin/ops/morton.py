@@ -43,6 +43,18 @@ def spread_bits(value):
     return x
 
 
+@njit(cache=True, nogil=True, inline='always')
+def gather_bits(code):
+    """Undo :func:`spread_bits`: every third bit of a code, from the lowest on."""
+    x = np.uint64(code) & np.uint64(0x1249249249249249)
+    x = (x | (x >> np.uint64(2))) & np.uint64(0x10C30C30C30C30C3)
+    x = (x | (x >> np.uint64(4))) & np.uint64(0x100F00F00F00F00F)
+    x = (x | (x >> np.uint64(8))) & np.uint64(0x1F0000FF0000FF)
+    x = (x | (x >> np.uint64(16))) & np.uint64(0x1F00000000FFFF)
+    x = (x | (x >> np.uint64(32))) & np.uint64(0x1FFFFF)
+    return x
+
+
 @njit(cache=True, nogil=True)
 def _encode(points, low, scale, codes):
     top = np.float64((1 << BITS) - 1)
@@ -55,26 +67,46 @@ def _encode(points, low, scale, codes):
 
 
 @njit(cache=True, nogil=True)
-def _bounds(points, low, high):
-    """Least and greatest coordinates."""
-    low[:], high[:] = points[0], points[0]
-    for i in range(points.shape[0]):
-        for axis in range(3):
-            low[axis] = min(low[axis], points[i, axis])
-            high[axis] = max(high[axis], points[i, axis])
+def _bounds(points):
+    """Least and greatest coordinates; kept apart from other threads' until the end."""
+    low, high = points[0].copy(), points[0].copy()
+    for axis in range(3):
+        least = greatest = points[0, axis]
+        for i in range(points.shape[0]):
+            least, greatest = min(least, points[i, axis]), max(greatest, points[i, axis])
+        low[axis], high[axis] = least, greatest
+    return low, high
 
 
 @njit(cache=True, nogil=True)
-def _split(codes, out_codes, out_order, starts):
-    """Put codes and their numbers into buckets by their highest digit, in their order; ``starts``: of each bucket."""
+def _count_digits(codes, start, stop, counts):
+    """Count the highest digits of ``codes[start:stop]``; whether each code is at least the one before it."""
     shift = np.uint64(DIGIT * (PASSES - 1))
-    starts[:] = 0
-    for code in codes:
-        starts[(code >> shift) + np.uint64(1)] += 1
-    for digit in range(1, len(starts)):
-        starts[digit] += starts[digit - 1]
-    place = starts[:-1].copy()
-    for i in range(len(codes)):
+    counts[:] = 0
+    before, ascending = codes[max(start - 1, 0)], True
+    for i in range(start, stop):
+        counts[codes[i] >> shift] += 1
+        ascending &= codes[i] >= before
+        before = codes[i]
+    return ascending
+
+
+@njit(cache=True, nogil=True)
+def _first_places(counts, starts):
+    """Turn digit counts (blocks, digits) into the place of each block's first code of a digit; ``starts``: of each."""
+    place = 0
+    for digit in range(counts.shape[1]):
+        starts[digit] = place
+        for block in range(counts.shape[0]):
+            counts[block, digit], place = place, place + counts[block, digit]
+    starts[counts.shape[1]] = place
+
+
+@njit(cache=True, nogil=True)
+def _split(codes, start, stop, place, out_codes, out_order):
+    """Put ``codes[start:stop]`` and their numbers into buckets by their highest digit, in their order."""
+    shift = np.uint64(DIGIT * (PASSES - 1))
+    for i in range(start, stop):
         digit = codes[i] >> shift
         to = place[digit]
         out_codes[to], out_order[to] = codes[i], i
@@ -117,9 +149,15 @@ def enclosing_cube(points: Float[np.ndarray, 'points 3']) -> Grid:
     """The smallest axis-parallel cube at the lowest corner of ``points`` (metres); edge 1 m for a single place."""
     if len(points) == 0:
         return Grid(np.zeros(3), 1.0)
-    low, high = np.empty(3), np.empty(3)
-    _bounds(np.ascontiguousarray(points, dtype=np.float64), low, high)
-    edge = float((high - low).max())
+    array = np.ascontiguousarray(points, dtype=np.float64)
+
+    def work(start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
+        least, greatest = _bounds(array[start:stop])
+        return least, greatest
+
+    lows, highs = zip(*map_blocks(work, len(array), TOGETHER), strict=True)
+    low = np.min(lows, axis=0)
+    edge = float((np.max(highs, axis=0) - low).max())
     return Grid(low, edge if edge > 0 else 1.0)
 
 
@@ -159,21 +197,31 @@ class SortedCodes(NamedTuple):
 def sort_codes(codes: UInt64[np.ndarray, ' points']) -> SortedCodes:
     """Sort codes; equal ones keep their order."""
     n = len(codes)
-    if (codes[1:] >= codes[:-1]).all():
-        return SortedCodes(np.arange(n, dtype=np.int32), codes)
     if n < RADIX_FROM:
         order = np.argsort(codes, kind='stable')
         return SortedCodes(order.astype(np.int32), codes[order])
+    counts = np.empty((-(-n // TOGETHER), 1 << DIGIT), dtype=np.int64)
+
+    def count(start: int, stop: int) -> bool:
+        return bool(_count_digits(codes, start, stop, counts[start // TOGETHER]))
+
+    if all(map_blocks(count, n, TOGETHER)):
+        return SortedCodes(np.arange(n, dtype=np.int32), codes)
     out = SortedCodes(np.empty(n, dtype=np.int32), np.empty(n, dtype=np.uint64))
     starts = np.empty((1 << DIGIT) + 1, dtype=np.int64)
-    _split(codes, out.codes, out.order, starts)
+    _first_places(counts, starts)
+
+    def split(start: int, stop: int) -> None:
+        _split(codes, start, stop, counts[start // TOGETHER], out.codes, out.order)
+
+    map_blocks(split, n, TOGETHER)
     # Runs of buckets of about TOGETHER codes: the blocks of the threads.
     bounds = np.unique(np.append(np.searchsorted(starts, np.arange(0, n, TOGETHER)), len(starts) - 1))
 
-    def work(start: int, stop: int) -> None:
+    def sort(start: int, stop: int) -> None:
         _sort_buckets(out.codes, out.order, starts, bounds[start], bounds[stop])
 
-    map_blocks(work, len(bounds) - 1, 1)
+    map_blocks(sort, len(bounds) - 1, 1)
     return out
 
 

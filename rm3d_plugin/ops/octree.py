@@ -6,16 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.ops._octree_build import build_octants
 from rm3d_plugin.ops._octree_groups import count_groups, nearest_groups, radius_groups
-from rm3d_plugin.ops._octree_kernels import (
-    bound_nodes,
-    build_nodes,
-    gather_columns,
-    pack_rows,
-    radius_block,
-    scatter_rows,
-)
-from rm3d_plugin.ops._parallel import map_blocks
+from rm3d_plugin.ops._octree_kernels import gather_columns, pack_rows, radius_block, scatter_rows
+from rm3d_plugin.ops._parallel import map_ahead, map_blocks
 from rm3d_plugin.ops.morton import BITS, enclosing_cube, morton_codes, morton_order, sort_codes
 
 CHUNK = 1 << 14  # points of the tree whose neighbours are held at a time
@@ -71,12 +65,19 @@ def _checked(name: str, points: np.ndarray) -> Float[np.ndarray, 'points 3']:
     given = np.asarray(points)
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f'Octree: {name}: expected shape (N, 3), got {given.shape}')
-    array = np.ascontiguousarray(given, dtype=np.float64)
-    finite = np.isfinite(array)
-    if not finite.all():
-        bad = int((~finite.all(axis=1)).sum())
+    # Kernels are compiled for one kind of array only: float64, rows side by side, writable.
+    usable = given.dtype == np.float64 and given.flags.c_contiguous and given.flags.writeable
+    array = given if usable else np.empty(given.shape)
+
+    def copy(start: int, stop: int) -> int:
+        if not usable:
+            array[start:stop] = given[start:stop]
+        finite = np.isfinite(array[start:stop])
+        return 0 if finite.all() else int((~finite.all(axis=1)).sum())
+
+    if bad := sum(map_blocks(copy, len(array), GATHERED)):
         raise ValueError(f'Octree: {name}: {bad} of {len(array)} rows are NaN or infinite; drop them first')
-    return array if array.flags.writeable else array.copy()  # kernels are compiled for writable arrays only once
+    return array
 
 
 def _checked_radii(r: float | np.ndarray, queries: int) -> Float[np.ndarray, ' queries']:
@@ -135,9 +136,7 @@ class Octree:
 
         map_blocks(gather, len(array), GATHERED)
         if len(array):
-            nodes = build_nodes(codes, leaf_size)
-            boxes, cubes = bound_nodes(columns, codes, nodes, self._grid.edge)
-            self._tree = (columns, self.order, nodes, boxes, cubes)
+            self._tree = (columns, self.order, *build_octants(columns, codes, leaf_size, self._grid.edge))
 
     def __len__(self) -> int:
         return len(self.order)
@@ -184,17 +183,20 @@ class Octree:
         radii = _checked_radii(r, len(array))
         if not len(self) or not len(array):
             return _none(len(array))
-        margin = 1e-6 * self._grid.edge / 2**BITS  # far above rounding, far below the smallest octant
 
         def work(start: int, stop: int) -> Block:
-            block = rows[start:stop]
-            if self._group:
-                return radius_groups(self._tree, array, block, radii, ordered)
-            return radius_block(self._tree, array, block, self._grid.low, radii, margin, self._rules, ordered)
+            return self._search(array, rows[start:stop], radii, ordered)
 
         if self._group and len(rows) > HELD:
             return self._radius_of_many(array, rows, radii, work)
         return _assemble(map_blocks(work, len(rows), BLOCK), rows)
+
+    def _search(self, array: np.ndarray, rows: np.ndarray, radii: np.ndarray, ordered: bool) -> Block:
+        """The answers to some queries, row after row."""
+        if self._group:
+            return radius_groups(self._tree, array, rows, radii, ordered)
+        margin = 1e-6 * self._grid.edge / 2**BITS  # far above rounding, far below the smallest octant
+        return radius_block(self._tree, array, rows, self._grid.low, radii, margin, self._rules, ordered)
 
     def _radius_of_many(
         self, queries: np.ndarray, rows: np.ndarray, radii: np.ndarray, work: Callable[[int, int], Block]
@@ -222,6 +224,7 @@ class Octree:
         """The neighbourhoods of the tree's own points, some at a time along the Morton curve.
 
         The quickest way to meet all of them: memory is read and written in its order, and what was met can be let go.
+        Threads search ahead while the caller works with what it got.
 
         Args:
             r: Radius in metres, inclusive.
@@ -232,13 +235,17 @@ class Octree:
         Yields:
             Numbers of some points, and their neighbours in that order.
         """
-        for start in range(0, len(self), chunk):
-            members = self.order[start : start + chunk]
-            queries, rows = np.ascontiguousarray(self._tree[0][:, start : start + chunk].T), np.arange(len(members))
-            if max_neighbors is None:
-                yield members, self._radius(queries, rows, r, ordered)
-            else:
-                yield members, self._hybrid(queries, rows, r, max_neighbors)
+        radius = _checked_radii(r, 1)
+
+        def near(start: int, stop: int) -> tuple[Int[np.ndarray, ' some'], Neighbors]:
+            members = self.order[start:stop]
+            queries, rows = np.ascontiguousarray(self._tree[0][:, start:stop].T), np.arange(stop - start)
+            if max_neighbors is not None:
+                return members, self._hybrid(queries, rows, r, max_neighbors)
+            counts, indices, sq_dists, visits = self._search(queries, rows, radius.repeat(len(rows)), ordered)
+            return members, Neighbors(indices, _offsets(counts), sq_dists, visits)
+
+        yield from map_ahead(near, len(self), chunk)
 
     def hybrid(
         self, queries: Float[np.ndarray, 'queries 3'], r: float | Float[np.ndarray, ' queries'], max_neighbors: int
