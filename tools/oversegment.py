@@ -30,6 +30,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         help="names of a table's columns, - for one to pass over: 'x y z red green blue -'; default: by their number, "
         "3 'x y z', 4 with intensity, 6 with red green blue, 7 with intensity red green blue",
     )
+    parser.add_argument(
+        '--tune',
+        type=Path,
+        metavar='LABELS',
+        help='CSV (scene,x,y,z,class or scene,index,class) or JSON with some labelled points of the scan: theta and '
+        'zeta of RegionGrowing are chosen by them',
+    )
+    parser.add_argument('--target-regions', type=int, help='regions that --tune aims at; default: one for 150 points')
     for part in ('descriptor', 'oversegmenter'):
         parser.add_argument(
             f'--{part}-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help=f'of the {part}'
@@ -44,6 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         args.descriptor_options,
         args.oversegmenter_options,
         args.columns,
+        args.tune,
+        args.target_regions,
     )
     discarded = int((regions.labels < 0).sum())
     print(f'{args.out}: {len(regions)} regions of {len(regions.labels)} points, {discarded} points discarded')

@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Int
 
 from rm3d_plugin.descriptors import Descriptor
-from rm3d_plugin.engine.oversegment import build_part
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.oversegment import POINTS_PER_REGION, build_part
 from rm3d_plugin.engine.table_scenes import Collection, TableScene, load_collections, random_turn, turned
 from rm3d_plugin.evaluation.functional.boundary import BoundaryCounts, boundary_counts, scores_of
 from rm3d_plugin.label_budgets import PointAmount, draw_points
@@ -34,7 +35,6 @@ from rm3d_plugin.visualization.tables import BarPanel, draw_bars
 
 Pose = Literal['original', 'z', 'so3']
 POSES: tuple[Pose, ...] = get_args(Pose)
-POINTS_PER_REGION = 150  # sets the number of regions that all methods are tuned to
 LABELLED_PERCENT = 0.2  # of the points of a tuning scene; the paper's budget for its Table 1
 SIZES: dict[str, tuple[float, float]] = {'indoor': (0.1, 2.0), 'lidar': (0.6, 8.0)}  # m, VCCS' seed_size
 VOXELS = {'indoor': 0.05, 'lidar': 0.3}  # m, VCCS' voxel_size
@@ -122,6 +122,9 @@ def descriptor_table(
 
     Returns:
         The table as markdown.
+
+    Raises:
+        ConfigError: None of the data are there.
     """
     rows: list[Row] = []
     methods = [method for method in methods if _can_run(method, log)]
@@ -129,6 +132,8 @@ def descriptor_table(
         rows += measure_collection(collection, methods, seed, log)
         write_text(out / 'descriptors-overseg.csv', to_csv(Row._fields, rows))
         write_text(out / 'descriptors-overseg.md', render_table(rows, seed) + '\n')
+    if not rows:
+        raise ConfigError(f'nothing to measure: none of {", ".join(data)} is there')
     picture = draw_bars(_panels(rows), 'boundary F1, percent')
     atomic_write(out / 'descriptors-overseg.png', lambda stream: stream.write(picture))
     return render_table(rows, seed)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.descriptors import Descriptor, cosine_similarity
+from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.overseg_table import to_csv
 from rm3d_plugin.engine.oversegment import build_part
 from rm3d_plugin.engine.table_scenes import (
@@ -161,12 +162,17 @@ def robustness_card(
 
     Returns:
         The card as markdown.
+
+    Raises:
+        ConfigError: None of the data are there.
     """
     rows: list[CardRow] = []
     for collection in load_collections(data, data_root or out / 'data', scenes, log):
         rows += measure_card(collection, names, seed, log)
         write_text(out / 'robustness-card.csv', to_csv(CardRow._fields, rows))
         write_text(out / 'robustness-card.md', render_card(rows, seed) + '\n')
+    if not rows:
+        raise ConfigError(f'nothing to measure: none of {", ".join(data)} is there')
     picture = draw_lines(_panels(rows), 'cosine of the same point')
     atomic_write(out / 'robustness-card.png', lambda stream: stream.write(picture))
     return render_card(rows, seed)

@@ -9,10 +9,12 @@ import pytest
 from reference.rooms import make_room
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.oversegment import oversegment_file
+from rm3d_plugin.engine.oversegment import oversegment_file, read_weak_labels
 from rm3d_plugin.engine.run import exit_code
+from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.storage import read_npz
 from rm3d_plugin.storage.ply import read_ply
+from rm3d_plugin.storage.scans import read_cloud
 
 TOOL = Path(__file__).resolve().parents[2] / 'tools' / 'oversegment.py'
 
@@ -113,3 +115,43 @@ def test_a_missing_scan_is_named(tmp_path, capsys):
 
 def run(*words, cwd):
     return subprocess.run([sys.executable, TOOL, *map(str, words)], cwd=cwd, capture_output=True, text=True, timeout=60)
+
+
+def label_lines(scan, truth_of, scene='room', count=60):
+    """A CSV of some points by their places, with names of classes."""
+    xyz = np.load(scan)
+    rows = np.random.default_rng(0).choice(len(xyz), count, replace=False)
+    lines = ['scene,x,y,z,class']
+    return (
+        '\n'.join(lines + [f'{scene},{",".join(f"{v:.4f}" for v in xyz[i])},thing {truth_of[i]}' for i in rows]) + '\n'
+    )
+
+
+def test_tuned_by_a_few_labels(scan, tmp_path):
+    truth = make_room(density=150)[1]
+    (tmp_path / 'labels.csv').write_text(label_lines(scan, truth))
+    told = []
+    regions = oversegment_file(
+        scan, tmp_path / 'r.npz', 'SuperpointGraph', tune=tmp_path / 'labels.csv', target_regions=30, log=told.append
+    )
+    assert 15 < len(regions) < 60
+    assert told[0].startswith('labels.csv: zeta ') and f'{len(regions)} regions (aimed at 30)' in told[0]
+    labelled = read_weak_labels(tmp_path / 'labels.csv', read_cloud(scan), 'room')
+    assert (labelled >= 0).sum() == 60
+    known = np.flatnonzero(labelled >= 0)
+    pairs = set(zip(labelled[known].tolist(), truth[known].tolist(), strict=True))
+    assert len(pairs) == len(np.unique(truth[known]))  # one number for each name
+
+
+def test_labels_that_cannot_tune(scan, tmp_path):
+    labels = tmp_path / 'labels.csv'
+    labels.write_text(label_lines(scan, make_room(density=150)[1], scene='hall'))
+    with pytest.raises(BudgetError, match="labels no point of scene 'room'"):
+        oversegment_file(scan, tmp_path / 'r.npz', 'SuperpointGraph', tune=labels)
+    with pytest.raises(ConfigError, match="theta and zeta of RegionGrowing, got 'VCCS'"):
+        oversegment_file(scan, tmp_path / 'r.npz', 'SuperpointGraph', 'VCCS', tune=labels)
+    with pytest.raises(BudgetError, match=r'no\.csv: no such file'):
+        oversegment_file(scan, tmp_path / 'r.npz', 'SuperpointGraph', tune=tmp_path / 'no.csv')
+    labels.write_text(label_lines(scan, make_room(density=150)[1]))
+    with pytest.raises(ConfigError, match='tune: .* target >= 1'):
+        oversegment_file(scan, tmp_path / 'r.npz', 'SuperpointGraph', tune=labels, target_regions=0)
