@@ -24,16 +24,25 @@ from rm3d_plugin.pseudo_labels.draft import (
     supported_points,
 )
 from rm3d_plugin.pseudo_labels.ledger import extreme_merges, sentence
-from rm3d_plugin.pseudo_labels.propagate import point_values, without_doubtful
+from rm3d_plugin.pseudo_labels.propagate import mixed_regions, point_values, without_doubtful
 from rm3d_plugin.pseudo_labels.record import RefreshRecord
 from rm3d_plugin.regions import MergeLedger, MergeResult, MergeStrategy
 from rm3d_plugin.regions.merge import decide
 from rm3d_plugin.regions.similarity import PairTerms
 from rm3d_plugin.registry import SCOPE, TASK_UTILS
 from rm3d_plugin.storage import LabelStore
-from rm3d_plugin.structures import PseudoLabels, SceneError
+from rm3d_plugin.structures import UNLABELLED, PseudoLabels, SceneError
 
-FIXED = ('pooling', 'color_sigma', 'intensity_sigma', 'hold_in', 'hold_in_margin')
+FIXED = (
+    'pooling',
+    'color_sigma',
+    'intensity_sigma',
+    'mixed_regions',
+    'near_place',
+    'near_color',
+    'hold_in',
+    'hold_in_margin',
+)
 """What went into the ledger before it was written; another value needs another run."""
 
 
@@ -143,7 +152,12 @@ def decide_again(
     points = point_values(result.group, record.point_region, -1)
     grouped = Grouped(result, groups, points, point_values(record.ranges, record.point_region, 0.0))
     grouped = apply_quota(grouped, strategy, record.round)
-    draft = keep_previous(draft_of(grouped), previous, supported_points(previous, grouped, strategy))
+    draft = draft_of(grouped)
+    if record.strategy.mixed_regions == 'nearest':  # no threshold has a say in them
+        revealed = np.where(stored.point_is_true, stored.semantic, UNLABELLED)
+        mixed = np.isin(record.point_region, mixed_regions(record.point_region, revealed))
+        draft = overlay(draft, mixed, stored.semantic, draft.confidence)
+    draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, stored.point_is_true, stored.semantic, 1.0)
     return Decided(result, draft.semantic)
 

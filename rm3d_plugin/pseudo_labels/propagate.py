@@ -272,3 +272,49 @@ def nearest_instances(
                 _, nearest = cKDTree(xyz[sources]).query(xyz[targets])
                 out[targets] = true_instances[sources[nearest]]
     return out
+
+
+def mixed_regions(
+    region_labels: Int[np.ndarray, ' points'], true_labels: Int[np.ndarray, ' points']
+) -> Int[np.ndarray, ' mixed']:
+    """Regions that hold true labels of several classes, ascending."""
+    seeds = (true_labels >= 0) & (region_labels >= 0)
+    pairs = np.unique(np.stack([region_labels[seeds], true_labels[seeds]], axis=1), axis=0)
+    regions, classes = np.unique(pairs[:, 0], return_counts=True)
+    return np.asarray(regions[classes > 1], dtype=np.int64)
+
+
+def nearest_true_classes(
+    xyz: Float[np.ndarray, 'points 3'],
+    colors: Float[np.ndarray, 'points 3'] | None,
+    region_labels: Int[np.ndarray, ' points'],
+    true_labels: Int[np.ndarray, ' points'],
+    place: float,
+    color: float,
+) -> Int[np.ndarray, ' points']:
+    """In regions that hold true labels of several classes: the class of the labelled point that is nearest and alike.
+
+    A majority would give the window in a wall to the wall. The distance is that of (xyz / place, colour / color).
+
+    Args:
+        xyz: Metres.
+        colors: RGB in [0, 1], or None: the place alone.
+        region_labels: Region of each point, -1 = none.
+        true_labels: True class of each point, -1 = unknown.
+        place: Metres that count as much as ``color``.
+        color: Difference of colour that counts 1; larger: place decides.
+
+    Returns:
+        (N,) int64; -1 for points of regions whose true labels agree, or that hold none.
+    """
+    out = np.full(len(xyz), UNLABELLED, dtype=np.int64)
+    where = xyz / place if colors is None else np.concatenate([xyz / place, colors / color], axis=1)
+    mixed = mixed_regions(region_labels, true_labels)
+    order = np.argsort(region_labels, kind='stable')
+    bounds = np.searchsorted(region_labels[order], np.stack([mixed, mixed + 1], axis=1).reshape(-1))
+    for first, last in bounds.reshape(-1, 2).tolist():
+        members = order[first:last]
+        own = members[true_labels[members] >= 0]
+        _, nearest = cKDTree(where[own]).query(where[members])
+        out[members] = true_labels[own[nearest]]
+    return out

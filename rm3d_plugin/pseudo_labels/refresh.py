@@ -29,6 +29,7 @@ from rm3d_plugin.pseudo_labels.objects import (
 )
 from rm3d_plugin.pseudo_labels.propagate import (
     nearest_instances,
+    nearest_true_classes,
     point_values,
     seen_rows,
     split_mixed,
@@ -157,8 +158,9 @@ def refresh_points(
 ) -> RefreshResult:
     """Point labels of one scene of a segmentation run: classes and instances, no boxes.
 
-    A group that holds revealed points takes their majority class, and each of its points the instance of the nearest
-    of them; other groups take the class that the network gives them with confidence, and are one instance each.
+    A group that holds revealed points takes their majority class (or each point of a region with several classes takes
+    that of a near one, see ``strategy.mixed_regions``), and each of its points the instance of the nearest of them.
+    Other groups take the class that the network gives them with confidence, and are one instance each.
 
     Args:
         prepared_cloud: Points of the scene, metres.
@@ -182,7 +184,12 @@ def refresh_points(
     counts = np.asarray(class_counts)
     grouped = group_regions(prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts)
     grouped = apply_quota(grouped, strategy, round)
-    draft = keep_previous(draft_of(grouped), previous, supported_points(previous, grouped, strategy))
+    draft = draft_of(grouped)
+    if strategy.mixed_regions == 'nearest':
+        places = (strategy.near_place, strategy.near_color)
+        own = nearest_true_classes(xyz, prepared_cloud.colors, regions.labels, truth.semantic, *places)
+        draft = overlay(draft, own >= 0, own, draft.confidence)
+    draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes)
     labels = PseudoLabels(

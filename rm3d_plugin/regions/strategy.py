@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 Thresholds = Literal['normalised', 'literal']
 Pooling = Literal['mean', 'max']
+MixedRegions = Literal['majority', 'nearest']
 
 
 class TermWeights(NamedTuple):
@@ -57,6 +58,10 @@ class MergeStrategy:
             takes, class by class, only its most confident network-given groups, up to this share of their points; the
             share grows by round to 1. Smaller: slower and purer. None: every confident group at once.
         quota_ranges: Lower ends of range bins, metres from the sensor, each with a quota of its own; (): one bin.
+        mixed_regions: What a region with true labels of several classes spreads: their 'majority' (METHOD 1), or to
+            each point the class of the labelled point 'nearest' to it in place and colour.
+        near_place: Metres that count as much as ``near_color`` in that.
+        near_color: RGB difference, of 1, that counts as much as ``near_place``.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
             neither trained on nor used for merging; 0: no check. Segmentation only.
         hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
@@ -90,6 +95,9 @@ class MergeStrategy:
     seed_share: float = 0.002
     quota: float | None = None
     quota_ranges: tuple[float, ...] = ()
+    mixed_regions: MixedRegions = 'majority'
+    near_place: float = 0.5
+    near_color: float = 0.16
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
 
@@ -103,7 +111,8 @@ class MergeStrategy:
         for name in ('lambda_seg', 'lambda_normal', 'lambda_descriptor'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) >= 0, 'a number >= 0')
         self._check('demote_margin', 0 <= self.demote_margin <= self.gamma, 'in [0, gamma]')
-        for name in ('color_sigma', 'intensity_sigma'):
+        self._check('mixed_regions', self.mixed_regions in get_args(MixedRegions), f'one of {get_args(MixedRegions)}')
+        for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
         self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')

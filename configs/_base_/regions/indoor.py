@@ -5,7 +5,7 @@ graph_neighbors = 8
 max_gap = 0.1  # m between adjacent regions
 region_seeds = 'none'  # 'revealed': regions grow from the revealed points first; then each budget has its own
 spread = True  # False: training sees the revealed points alone
-strategy = dict(rounds='${rounds}', centre_distance=0.3)
+strategy = dict(rounds='${rounds}', centre_distance=0.3, mixed_regions='nearest')
 
 custom_hooks = [
     dict(type='EpochSeedHook'),

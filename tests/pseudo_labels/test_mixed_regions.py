@@ -1,0 +1,89 @@
+"""A region with revealed points of several classes gives each point the class of the near and alike one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pseudo_labels.patches import make_patches
+
+from rm3d_plugin.engine.replay import decide_again
+from rm3d_plugin.pseudo_labels import refresh_points
+from rm3d_plugin.pseudo_labels.propagate import mixed_regions, nearest_true_classes
+from rm3d_plugin.regions import MergeLedger, MergeStrategy
+from rm3d_plugin.structures import PointCloud, Regions
+
+NEAREST = MergeStrategy(mixed_regions='nearest', gamma=0.5, rounds=4)
+
+
+def by_hand(where, regions, truth):
+    """Slow twin: every point looks at every labelled point of its region."""
+    out = np.full(len(where), -1)
+    for i, region in enumerate(regions):
+        own = [j for j in range(len(where)) if regions[j] == region and truth[j] >= 0]
+        if region >= 0 and len({truth[j] for j in own}) > 1:
+            out[i] = truth[min(own, key=lambda j: (np.square(where[i] - where[j]).sum(), j))]
+    return out
+
+
+def test_a_window_in_a_wall():
+    x = np.arange(8.0)
+    xyz = np.stack([x, 0 * x, 0 * x], axis=1)
+    grey, blue = [0.5, 0.5, 0.5], [0.2, 0.4, 0.9]
+    colors = np.array([grey, grey, grey, blue, blue, blue, grey, grey])
+    truth = np.array([0, -1, -1, -1, -1, 1, -1, -1])
+    region = np.zeros(8, dtype=int)
+    place_alone = nearest_true_classes(xyz, None, region, truth, 0.5, 0.16)
+    assert place_alone.tolist() == [0, 0, 0, 1, 1, 1, 1, 1]
+    with_color = nearest_true_classes(xyz, colors, region, truth, 2.0, 0.1)
+    assert with_color.tolist() == [0, 0, 0, 1, 1, 1, 0, 0]
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_as_by_hand(seed):
+    rng = np.random.default_rng(seed)
+    xyz, colors = rng.random((60, 3)), rng.random((60, 3))
+    region, truth = rng.integers(-1, 5, 60), np.where(rng.random(60) < 0.3, rng.integers(0, 3, 60), -1)
+    found = nearest_true_classes(xyz, colors, region, truth, 0.5, 0.2)
+    assert found.tolist() == by_hand(np.c_[xyz / 0.5, colors / 0.2], region, truth).tolist()
+    assert set(mixed_regions(region, truth)) == {
+        r for r in range(5) if len(set(truth[(region == r) & (truth >= 0)])) > 1
+    }
+
+
+def test_nothing_known_or_nothing_there():
+    empty = np.zeros(0, dtype=int)
+    assert nearest_true_classes(np.zeros((0, 3)), None, empty, empty, 1.0, 1.0).tolist() == []
+    unknown = np.full(3, -1)
+    assert nearest_true_classes(np.zeros((3, 3)), None, np.zeros(3, dtype=int), unknown, 1.0, 1.0).tolist() == [-1] * 3
+
+
+def test_only_mixed_regions_change_and_a_replay_keeps_them():
+    patches = make_patches(1, revealed=0.05)
+    # Every four patches in a row are one region, so that many hold two classes.
+    regions = Regions(np.asarray(patches.regions.labels) // 4)
+    graph = replace(
+        patches.graph,
+        **{
+            name: getattr(patches.graph, name)[::4]
+            for name in ('centroids', 'normals', 'curvatures', 'descriptors', 'colors', 'extents', 'sizes')
+        },
+        edges=np.array([[i, i + 1] for i in range(15)]),
+    )
+    cloud = PointCloud(patches.cloud.xyz, colors=np.random.default_rng(0).random((len(patches.truth), 3)))
+
+    def refresh(strategy):
+        return refresh_points(cloud, regions, graph, patches.weak, None, None, None, strategy, 0, patches.counts, (0,))
+
+    majority, nearest = refresh(replace(NEAREST, mixed_regions='majority')), refresh(NEAREST)
+    mixed = np.isin(regions.labels, mixed_regions(regions.labels, patches.weak.semantic))
+    assert mixed.any() and not mixed.all()
+    assert (majority.labels.semantic == nearest.labels.semantic)[~mixed].all()
+    assert (majority.labels.semantic != nearest.labels.semantic)[mixed].any()
+    assert nearest.labels.coverage == majority.labels.coverage
+    ledger = MergeLedger.from_arrays(nearest.merge.ledger.to_arrays())
+    assert (decide_again(ledger, nearest.labels, None).semantic == nearest.labels.semantic).all()
+
+
+def test_the_choice_is_checked():
+    with pytest.raises(ValueError, match=r'MergeStrategy\.mixed_regions'):
+        MergeStrategy(mixed_regions='both')
