@@ -3,10 +3,11 @@
 import argparse
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -18,6 +19,7 @@ from rm3d_plugin.ops.octree import Octree
 NAME = 'octree'
 HELP = 'radius search for all points, sort and build included'
 CPP = {'nanoflann': 'nanoflann', 'pcl_octree': 'octree', 'linked_octree': 'linked-octree'}
+ONE = '_one_thread'
 RULES = {
     'none': (False, False, False),
     'skip_disjoint': (True, False, False),
@@ -31,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the benchmark."""
     clouds.add_arguments(parser, 1_000_000)
     parser.add_argument('--leaf-size', type=int, default=32, help='of our octree and of the linked octree')
-    parser.add_argument('--rule-queries', type=int, default=100, help='queries that the rules are switched for')
+    parser.add_argument('--rule-queries', type=int, default=100, help='queries the rules are switched for, or 0')
     parser.add_argument('--skip', nargs='*', default=[], help='jobs to leave out')
 
 
@@ -51,12 +53,13 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         'radius_m': room.radius,
         'neighbors': round(float(expected.mean()), 3),
         'leaf_size': {'rm3d': args.leaf_size, 'linked_octree': 32, 'pcl_octree': 'edge = radius', 'nanoflann': 10},
-        'threads': {'rm3d': args.threads, 'others': 1},
+        'threads': {'rm3d': args.threads, 'rm3d_all_kept': args.threads, 'others': 1},
         'seconds': table(seconds, 'rm3d'),
+        'gain_of_threads': _gain(seconds),
         'absent': [] if pcl_program() else [f'{name}: {ABSENT}' for name in CPP],
         # Float32 programs may take or leave a point that lies on the ball's surface to rounding.
         'rows_that_differ': {name: int((found != expected).sum()) for name, found in counts.items()},
-        'rules': rules(room, args.rule_queries, args.leaf_size),
+        'rules': rules(room, args.rule_queries, args.leaf_size) if args.rule_queries else {},
         'machine': machine(),
     }
 
@@ -86,9 +89,31 @@ def _jobs(
         return answer.seconds
 
     jobs: dict[str, Callable[[], object]] = {'rm3d': ours, 'rm3d_all_kept': ours_kept, 'scipy_lists': scipy_lists}
+    if args.threads > 1:
+        jobs |= {f'{name}{ONE}': _with_one_thread(job) for name, job in jobs.items() if name.startswith('rm3d')}
     if pcl_program() is not None:
         jobs |= {name: lambda name=name, job=job: program(name, job) for name, job in CPP.items()}  # type: ignore[misc]
     return jobs
+
+
+def _with_one_thread(job: Callable[[], object]) -> Callable[[], None]:
+    def alone() -> None:
+        threads, numba.config.NUMBA_NUM_THREADS = numba.config.NUMBA_NUM_THREADS, 1
+        try:
+            job()
+        finally:
+            numba.config.NUMBA_NUM_THREADS = threads
+
+    return alone
+
+
+def _gain(seconds: Mapping[str, Seconds]) -> dict[str, float]:
+    """Wall time of one thread over that of several; tells of threads where the cores were free."""
+    return {
+        name.removesuffix(ONE): round(found.wall / seconds[name.removesuffix(ONE)].wall, 2)
+        for name, found in seconds.items()
+        if name.endswith(ONE)
+    }
 
 
 def rules(room: clouds.Room, queries: int, leaf_size: int) -> dict[str, dict[str, float]]:
