@@ -14,3 +14,4 @@ crop_points = 20000
 voxel_size = 0.2
 widths = [16, 32, 48, 64, 80]
 blocks = 1
+checkpoint_interval = '${sigma}'

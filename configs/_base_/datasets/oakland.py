@@ -5,7 +5,7 @@ data_root = 'data/oakland'
 val_split = 'test'
 num_classes = 6
 thing_classes = []
-point_columns = []
+point_columns = ['shape']
 train_tiles = None  # None: those of the split
 val_tiles = None
 train_dataloader = dict(dataset=dict(tiles='${train_tiles}', cache='${cache_dir}'))

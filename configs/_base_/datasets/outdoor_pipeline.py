@@ -3,15 +3,16 @@
 _base_ = './points.py'
 crop_points = 120000
 train_pipeline = [
+    dict(type='ColorAutoContrast'),
+    dict(type='ColorJitter'),
+    dict(type='ShapeFeatures', cache='${cache_dir}'),
     dict(type='LevelGround'),
     dict(type='RandomCrop', max_points='${crop_points}', shape='column'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
     dict(type='RandomFlipY', prob=0.5),
-    dict(type='ColorAutoContrast'),
-    dict(type='ColorJitter'),
     dict(type='AugmentedView'),
     dict(type='PackScene'),
 ]
-eval_pipeline = [dict(type='LevelGround'), dict(type='PackScene')]
+eval_pipeline = [dict(type='ShapeFeatures', cache='${cache_dir}'), dict(type='LevelGround'), dict(type='PackScene')]
 label_dataloader = dict(dataset=dict(pipeline='${eval_pipeline}'))
 val_dataloader = dict(dataset=dict(pipeline='${eval_pipeline}'))

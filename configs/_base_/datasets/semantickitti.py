@@ -4,8 +4,8 @@ dataset_type = 'SemanticKittiDataset'
 data_root = 'data/semantickitti'
 num_classes = 19
 thing_classes = [0, 1, 2, 3, 4, 5, 6, 7]
-point_columns = ['intensity']
-use_intensity = True  # False (with point_columns=[]) where some scans have none
+point_columns = ['intensity', 'shape']
+use_intensity = True  # False (with point_columns=['shape']) where some scans have none
 train_sequences = None  # None: those of the split
 val_sequences = None
 train_every = 1  # of the training scans, each so many-th

@@ -6,7 +6,7 @@ test_fold = 6
 val_split = 'test'
 num_classes = 13
 thing_classes = []
-point_columns = ['rgb']
+point_columns = ['rgb', 'shape']
 train_dataloader = dict(dataset=dict(test_fold='${test_fold}'))
 label_dataloader = dict(dataset=dict(test_fold='${test_fold}'))
 val_dataloader = dict(dataset=dict(test_fold='${test_fold}'))

@@ -12,10 +12,11 @@ from rm3d_plugin.datasets.transforms.indoor import (
     crop_rows,
     elastic,
 )
-from rm3d_plugin.datasets.transforms.outdoor import LevelGround, level_ground
+from rm3d_plugin.datasets.transforms.outdoor import LevelGround, with_heights
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
 from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, select_points
+from rm3d_plugin.datasets.transforms.shape_features import ShapeFeatures, shape_columns
 
 __all__ = [
     'AugmentedView',
@@ -31,14 +32,16 @@ __all__ = [
     'PackScene',
     'RandomCrop',
     'RandomFlipY',
+    'ShapeFeatures',
     'ViewSettings',
     'augmented_view',
     'auto_contrast',
     'crop_rows',
     'elastic',
     'flip_y',
-    'level_ground',
     'pack_scene',
     'rotate_scale',
     'select_points',
+    'shape_columns',
+    'with_heights',
 ]

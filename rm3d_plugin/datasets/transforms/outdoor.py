@@ -1,17 +1,17 @@
 """Transforms of streets."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from rm3d_plugin.datasets.transforms.recent import RecentArrays
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS
 
 
-def level_ground(
-    points: Float[np.ndarray, 'points channels'], options: Mapping[str, Any] | None = None
+def with_heights(
+    points: Float[np.ndarray, 'points channels'], heights: Float[np.ndarray, ' points']
 ) -> Float[np.ndarray, 'points channels']:
     """The scene with its ground pulled flat: z becomes the height above the ground below (negative under it).
 
@@ -19,10 +19,10 @@ def level_ground(
 
     Args:
         points: (n, 3 + channels), metres, z up; channels stay.
-        options: Of :func:`~rm3d_plugin.ops.ground.segment_ground`.
+        heights: Metres.
     """
     out = points.copy()
-    out[:, 2] = segment_ground(points[:, :3], **(options or {})).height
+    out[:, 2] = heights
     return out
 
 
@@ -39,6 +39,7 @@ class LevelGround:
 
     def __init__(self, **options: Any) -> None:
         self.options = options
+        self._recent = RecentArrays()
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
         """Find the ground, then level it.
@@ -48,4 +49,6 @@ class LevelGround:
         """
         if len(results.get('boxes', ())) or 'aug_points' in results:
             raise ValueError('LevelGround: expected a scene without boxes, and AugmentedView behind it')
-        return results | {'points': level_ground(results['points'], self.options)}
+        xyz = np.ascontiguousarray(results['points'][:, :3])
+        heights = self._recent.get_or_make(xyz, lambda: segment_ground(xyz, **self.options).height)
+        return results | {'points': with_heights(results['points'], heights)}

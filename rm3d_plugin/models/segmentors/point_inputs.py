@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-Column = Literal['intensity', 'rgb']
-_WIDTHS = {'intensity': 1, 'rgb': 3}
+Column = Literal['intensity', 'rgb', 'shape']
+_WIDTHS = {'intensity': 1, 'rgb': 3, 'shape': 8}
 _FLOOR = 0.01  # share of a scene's points below its floor: stray points do not count
 
 
@@ -17,7 +17,8 @@ class PointInputs:
     """Which features a point has.
 
     Attributes:
-        columns: What the scans have behind x, y, z, in the order of the points: intensity, then rgb, both in [0, 1].
+        columns: What the scans have behind x, y, z, in the order of the points: intensity, rgb, shape (as the transform
+            ``ShapeFeatures`` appends it), all in [0, 1].
         use: Those of ``columns`` that the network sees; None: all. Leaving out colour makes a network that colour
             cannot mislead.
         height: Whether it sees the height above the scene's floor.
@@ -39,7 +40,9 @@ class PointInputs:
             if name not in get_args(Column):
                 raise ValueError(f'PointInputs.columns: expected names out of {get_args(Column)}, got {name!r}')
         if tuple(self.columns) != tuple(name for name in get_args(Column) if name in self.columns):
-            raise ValueError(f'PointInputs.columns: expected intensity before rgb, each once, got {self.columns}')
+            raise ValueError(
+                f'PointInputs.columns: expected intensity before rgb before shape, each once, got {self.columns}'
+            )
         if not set(self.used) <= set(self.columns):
             raise ValueError(f'PointInputs.use: {self.use} names what columns={self.columns} does not have')
         if not (self.height_scale > 0 and self.extent > 0):
@@ -64,7 +67,7 @@ class PointInputs:
 def point_inputs(
     points: Float[Tensor, 'points columns'], batch_offsets: Int[Tensor, ' scenes_and_one'], settings: PointInputs
 ) -> Float[Tensor, 'points channels']:
-    """Features of points: colour and intensity in [-1, 1], height, place, and a one.
+    """Features of points: intensity, colour and shape in [-1, 1], height, place, and a one.
 
     Height is measured from the lowest per cent of the scene's points, in units of ``height_scale``, within [-1, 2].
     A place d metres from the median of the scene counts d / (|d| + extent), so neither large rooms nor stray points
