@@ -22,6 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     training.add_argument('--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of every run')
     measured = parser.add_argument_group('tables that measure scenes', f'({", ".join(MEASURED)})')
     measured.add_argument('--scenes', type=int, default=2, help='scenes of each kind; default 2')
+    measured.add_argument(
+        '--points', type=int, default=20000, help='of each scene, nearest to its middle; 0: all; default 20000'
+    )
     measured.add_argument('--seed', type=int, default=0, help='of labels, turns and noise; default 0')
     measured.add_argument(
         '--data',
@@ -34,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     out = args.out or Path('work_dirs/reproduce') / args.table
     if args.table in MEASURED:
-        print(measure(args.table, out, args.data, args.scenes, args.seed, args.data_root))
+        print(measure(args.table, out, args.data, args.scenes, args.points or None, args.seed, args.data_root))
     else:
         print(reproduce(args.table, args.seeds, out, args.jobs, args.cfg_options))
 

@@ -101,6 +101,7 @@ def descriptor_table(
     out: Path,
     data: Sequence[str],
     scenes: int = 2,
+    points: int | None = None,
     seed: int = 0,
     methods: Sequence[Method] = METHODS,
     data_root: Path | None = None,
@@ -115,6 +116,7 @@ def descriptor_table(
         out: Folder of the results.
         data: Keys of :data:`rm3d_plugin.engine.table_scenes.COLLECTIONS`.
         scenes: Measured scenes of each collection, at most.
+        points: Of each scene, the so many points nearest to its middle; None: all.
         seed: Of the weak labels and the turns.
         methods: Rows.
         data_root: Folder of synthetic data; default ``out/data``.
@@ -128,7 +130,7 @@ def descriptor_table(
     """
     rows: list[Row] = []
     methods = [method for method in methods if _can_run(method, log)]
-    for collection in load_collections(data, data_root or out / 'data', scenes, log):
+    for collection in load_collections(data, data_root or out / 'data', scenes, points, log):
         rows += measure_collection(collection, methods, seed, log)
         write_text(out / 'descriptors-overseg.csv', to_csv(Row._fields, rows))
         write_text(out / 'descriptors-overseg.md', render_table(rows, seed) + '\n')

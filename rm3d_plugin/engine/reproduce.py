@@ -61,6 +61,7 @@ class Measure(Protocol):
         data: Sequence[str],
         *,
         scenes: int,
+        points: int | None,
         seed: int,
         data_root: Path | None,
         log: Callable[[str], None],
@@ -94,6 +95,7 @@ def measure(
     out: Path,
     data: Sequence[str] = tuple(COLLECTIONS),
     scenes: int = 2,
+    points: int | None = None,
     seed: int = 0,
     data_root: Path | None = None,
     log: Callable[[str], None] = print,
@@ -105,6 +107,7 @@ def measure(
         out: Folder of the table's files.
         data: Keys of :data:`rm3d_plugin.engine.table_scenes.COLLECTIONS`; real data that are not there are left out.
         scenes: Scenes of each, at most.
+        points: Of each scene, the so many points nearest to its middle; None: all.
         seed: Of all that is drawn.
         data_root: Folder where synthetic data are made or found; default ``out/data``.
         log: Told what is done.
@@ -114,7 +117,7 @@ def measure(
     """
     if name not in MEASURED:
         raise ConfigError(f'no measured table {name!r}; there are: {", ".join(MEASURED)}')
-    return MEASURED[name].measure(out, data, scenes=scenes, seed=seed, data_root=data_root, log=log)
+    return MEASURED[name].measure(out, data, scenes=scenes, points=points, seed=seed, data_root=data_root, log=log)
 
 
 def reproduce(

@@ -144,6 +144,7 @@ def robustness_card(
     out: Path,
     data: Sequence[str],
     scenes: int = 2,
+    points: int | None = None,
     seed: int = 0,
     names: Sequence[str] = NAMES,
     data_root: Path | None = None,
@@ -155,6 +156,7 @@ def robustness_card(
         out: Folder of the results.
         data: Keys of :data:`rm3d_plugin.engine.table_scenes.COLLECTIONS`.
         scenes: Scenes of each collection, at most.
+        points: Of each scene, the so many points nearest to its middle; None: all.
         seed: Of what is dropped, of the noise and of the compared points.
         names: Descriptors.
         data_root: Folder of synthetic data; default ``out/data``.
@@ -167,7 +169,7 @@ def robustness_card(
         ConfigError: None of the data are there.
     """
     rows: list[CardRow] = []
-    for collection in load_collections(data, data_root or out / 'data', scenes, log):
+    for collection in load_collections(data, data_root or out / 'data', scenes, points, log):
         rows += measure_card(collection, names, seed, log)
         write_text(out / 'robustness-card.csv', to_csv(CardRow._fields, rows))
         write_text(out / 'robustness-card.md', render_card(rows, seed) + '\n')

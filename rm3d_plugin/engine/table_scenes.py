@@ -40,6 +40,13 @@ class TableScene(NamedTuple):
     objects: Int[np.ndarray, ' points']
 
 
+class Amount(NamedTuple):
+    """How many scenes, and how many points of each (None: all)."""
+
+    scenes: int
+    points: int | None
+
+
 @dataclass(frozen=True, eq=False)
 class Collection:
     """Scenes of one kind.
@@ -91,7 +98,11 @@ def random_turn(kind: Literal['z', 'so3'], rng: np.random.Generator) -> Float[np
 
 
 def load_collections(
-    names: Sequence[str], data_root: Path, scenes: int, log: Callable[[str], None] = print
+    names: Sequence[str],
+    data_root: Path,
+    scenes: int,
+    points: int | None = None,
+    log: Callable[[str], None] = print,
 ) -> list[Collection]:
     """Read collections, making synthetic ones by need; real ones that are not there are named and left out.
 
@@ -99,17 +110,21 @@ def load_collections(
         names: Keys of :data:`COLLECTIONS`.
         data_root: Folder where synthetic data are made or found.
         scenes: Measured scenes of each collection, at most.
+        points: Of each scene, the so many points nearest to its middle; None: all.
         log: Told what is left out.
 
     Raises:
         ConfigError: There is no such collection.
     """
     unknown = [name for name in names if name not in COLLECTIONS]
-    if unknown or scenes < 1:
-        raise ConfigError(f'expected scenes >= 1 and data among {", ".join(COLLECTIONS)}; got {scenes}, {unknown}')
+    if unknown or scenes < 1 or (points is not None and points < 100):
+        raise ConfigError(
+            f'expected scenes >= 1, points >= 100 and data among {", ".join(COLLECTIONS)}; '
+            f'got {scenes}, {points}, {unknown}'
+        )
     found = []
     for name in names:
-        collection = COLLECTIONS[name](data_root, scenes)
+        collection = COLLECTIONS[name](data_root, Amount(scenes, points))
         if collection is None:
             log(f'{name}: not in {real_root()} (environment variable {REAL_DATA}), left out')
         else:
@@ -123,63 +138,77 @@ def real_root() -> Path:
 
 
 def read_scenes(
-    dataset: SegmentationDataset, indices: Sequence[int], near: float | None = None
+    dataset: SegmentationDataset, indices: Sequence[int], points: int | None = None, near: float | None = None
 ) -> tuple[TableScene, ...]:
-    """Scenes of a data set; ``near`` keeps the points so many metres around the sensor, seen from above."""
-    return tuple(_read_scene(dataset, index, near) for index in indices)
+    """Scenes of a data set, cropped.
+
+    Args:
+        dataset: Labelled.
+        indices: Which scenes.
+        points: Keep the so many points nearest to the sensor or, where it is not known, to the median point.
+        near: Keep the points so many metres around it.
+    """
+    return tuple(_read_scene(dataset, index, points, near) for index in indices)
 
 
-def _read_scene(dataset: SegmentationDataset, index: int, near: float | None) -> TableScene:
+def _read_scene(dataset: SegmentationDataset, index: int, points: int | None, near: float | None) -> TableScene:
     cloud, truth = dataset.load_cloud(index), dataset.load_truth(index)
     assert truth.semantic is not None
     instance = np.full(len(cloud), -1) if truth.instance is None else truth.instance
     objects = np.where(instance >= 0, instance, -2 - truth.semantic)
-    kept = np.ones(len(cloud), dtype=np.bool_) if near is None else np.linalg.norm(cloud.xyz[:, :2], axis=1) < near
+    middle = np.median(cloud.xyz, axis=0) if cloud.sensor is None else np.asarray(cloud.sensor)
+    away = np.linalg.norm(cloud.xyz[:, :2] - middle[:2], axis=1)
+    kept = np.argsort(away, kind='stable')[: len(cloud) if points is None else points]
+    kept = np.sort(kept if near is None else kept[away[kept] < near])
     return TableScene(
         dataset.scene_ids[index], described_surface(cloud.select(kept)), truth.semantic[kept], objects[kept]
     )
 
 
-def _rooms(data_root: Path, scenes: int) -> Collection:
+def _rooms(data_root: Path, amount: Amount) -> Collection:
     from rm3d_plugin.datasets.synthetic import make_scannet_rooms  # virtual sensors take seconds to import
 
-    root = make_scannet_rooms(data_root / f'rooms_{scenes}', num_train=1, num_val=scenes, progress=False)
+    root = make_scannet_rooms(data_root / f'rooms_{amount.scenes}', num_train=1, num_val=amount.scenes, progress=False)
     val = ScanNetDataset(root, 'val')
-    tuning = read_scenes(ScanNetDataset(root, 'train'), [0])
-    return Collection('rooms', 'rooms (synthetic)', 'indoor', len(val.classes), tuning, read_scenes(val, range(scenes)))
+    tuning = read_scenes(ScanNetDataset(root, 'train'), [0], amount.points)
+    found = read_scenes(val, range(amount.scenes), amount.points)
+    return Collection('rooms', 'rooms (synthetic)', 'indoor', len(val.classes), tuning, found)
 
 
-def _streets(data_root: Path, scenes: int) -> Collection:
+def _streets(data_root: Path, amount: Amount) -> Collection:
     from rm3d_plugin.datasets.synthetic import make_semantickitti_streets
 
-    root = make_semantickitti_streets(data_root / f'streets_{scenes}', num_train=1, num_val=scenes, progress=False)
+    root = make_semantickitti_streets(
+        data_root / f'streets_{amount.scenes}', num_train=1, num_val=amount.scenes, progress=False
+    )
     val = SemanticKittiDataset(root, 'val', voxel_thin=THIN)
     train = SemanticKittiDataset(root, 'train', sequences=(0,), voxel_thin=THIN)
-    return _lidar('streets', 'streets (synthetic)', read_scenes(train, [0], NEAR), val, range(scenes))
+    return _lidar('streets', 'streets (synthetic)', read_scenes(train, [0], amount.points, NEAR), val, amount)
 
 
-def _semantickitti(data_root: Path, scenes: int) -> Collection | None:
+def _semantickitti(data_root: Path, amount: Amount) -> Collection | None:
     root = real_root() / 'semantickitti'
     if not (root / 'sequences' / '00').is_dir() or not (root / 'sequences' / '01').is_dir():
         return None
     town = SemanticKittiDataset(root, sequences=(0,), voxel_thin=THIN)
-    tuning = read_scenes(SemanticKittiDataset(root, sequences=(1,), voxel_thin=THIN), [0], NEAR)
-    return _lidar('semantickitti', 'SemanticKITTI (real)', tuning, town, range(min(scenes, len(town))))
+    tuning = read_scenes(SemanticKittiDataset(root, sequences=(1,), voxel_thin=THIN), [0], amount.points, NEAR)
+    return _lidar('semantickitti', 'SemanticKITTI (real)', tuning, town, amount)
 
 
 def _lidar(
-    name: str, title: str, tuning: tuple[TableScene, ...], data: SemanticKittiDataset, rows: Sequence[int]
+    name: str, title: str, tuning: tuple[TableScene, ...], data: SemanticKittiDataset, amount: Amount
 ) -> Collection:
     options = {'RegionGrowing': {'ground': None}}  # the ground is a part of the partition that is scored
-    return Collection(name, title, 'lidar', len(data.classes), tuning, read_scenes(data, rows, NEAR), options)
+    found = read_scenes(data, range(min(amount.scenes, len(data))), amount.points, NEAR)
+    return Collection(name, title, 'lidar', len(data.classes), tuning, found, options)
 
 
-def _oakland(data_root: Path, scenes: int) -> Collection | None:
+def _oakland(data_root: Path, amount: Amount) -> Collection | None:
     root = real_root() / 'oakland'
     if not root.is_dir():
         return None
     test = OaklandDataset(root, 'test', voxel_thin=THIN)
-    tuning = read_scenes(OaklandDataset(root, 'train', voxel_thin=THIN), [0])
+    tuning = read_scenes(OaklandDataset(root, 'train', voxel_thin=THIN), [0], amount.points)
     wide = {'radius': 0.5, 'range_growth': 0.0}  # m; the sensor moved along the street
     options: dict[str, dict[str, Any]] = {
         'RegionGrowing': {'ground': None, 'max_edge': 0.6, 'range_growth': 0.0},
@@ -188,11 +217,11 @@ def _oakland(data_root: Path, scenes: int) -> Collection | None:
         'SHOT': wide,
         'VCCS': {'base': {'type': 'FPFH', **wide}},
     }
-    found = read_scenes(test, range(min(scenes, len(test))))
+    found = read_scenes(test, range(min(amount.scenes, len(test))), amount.points)
     return Collection('oakland', 'Oakland (real)', 'lidar', len(test.classes), tuning, found, options)
 
 
-COLLECTIONS: dict[str, Callable[[Path, int], Collection | None]] = {
+COLLECTIONS: dict[str, Callable[[Path, Amount], Collection | None]] = {
     'rooms': _rooms,
     'streets': _streets,
     'semantickitti': _semantickitti,

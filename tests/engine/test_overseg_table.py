@@ -94,7 +94,7 @@ def test_table_as_printed():
 
 
 def test_files_of_both_tables(rooms, tmp_path, monkeypatch):
-    monkeypatch.setitem(table_scenes.COLLECTIONS, 'toy', lambda root, scenes: rooms)
+    monkeypatch.setitem(table_scenes.COLLECTIONS, 'toy', lambda root, amount: rooms)
     text = overseg_table.descriptor_table(tmp_path, ['toy'], methods=[SPG], log=lambda line: None)
     assert (tmp_path / 'descriptors-overseg.md').read_text() == text + '\n'
     assert (tmp_path / 'descriptors-overseg.png').read_bytes().startswith(b'\x89PNG')
@@ -151,9 +151,9 @@ def test_card_as_printed():
 def test_data_that_are_not_there(tmp_path, monkeypatch):
     monkeypatch.setenv('RM3D_REAL_DATA', str(tmp_path))
     told = []
-    assert load_collections(['oakland', 'semantickitti'], tmp_path, 1, told.append) == []
+    assert load_collections(['oakland', 'semantickitti'], tmp_path, 1, log=told.append) == []
     assert [line.split(':')[0] for line in told] == ['oakland', 'semantickitti'] and str(tmp_path) in told[0]
-    with pytest.raises(ConfigError, match=r"data among rooms, .*got 1, \['moon'\]"):
+    with pytest.raises(ConfigError, match=r"data among rooms, .*got 1, None, \['moon'\]"):
         load_collections(['moon'], tmp_path, 1)
     with pytest.raises(ConfigError, match="no measured table 'x'; there are: descriptors-overseg, robustness-card"):
         reproduce.measure('x', tmp_path)
@@ -165,8 +165,8 @@ def test_real_scenes_are_read(real_data, monkeypatch, tmp_path):
     if not (real_data / 'oakland').is_dir():
         pytest.skip('no Oakland there')
     monkeypatch.setenv('RM3D_REAL_DATA', str(real_data))
-    (collection,) = load_collections(['oakland'], tmp_path, 1)
+    (collection,) = load_collections(['oakland'], tmp_path, 1, points=3000)
     assert len(collection.scenes) == 1 and collection.classes == 6 and 'real' in collection.title
     scene = collection.scenes[0]
-    assert len(scene.cloud) == len(scene.semantic) == len(scene.objects) and scene.cloud.curvature is not None
+    assert 3000 == len(scene.cloud) == len(scene.semantic) == len(scene.objects) and scene.cloud.curvature is not None
     assert not {scene.name for scene in collection.tuning} & {scene.name for scene in collection.scenes}
