@@ -20,7 +20,7 @@ from rm3d_plugin.visualization import (
 from rm3d_plugin.visualization.curves import nice_ticks
 from rm3d_plugin.visualization.report_sections import duration
 
-VOID = {'meta', 'img', 'line', 'circle', 'polyline', 'br'}
+VOID = {'meta', 'img', 'input', 'line', 'circle', 'polyline', 'br'}
 PNG = b'\x89PNG\r\n\x1a\nnot really'
 ROUNDS = [
     {
