@@ -18,11 +18,11 @@ from rm3d_plugin.visualization.report_merges import MergeReport, MergeRow
 _FATES = {
     Reason.MERGED: 'merged',
     Reason.SAME_GROUP: 'ended in one group by way of other pairs',
-    Reason.NOT_CONFIDENT: 'were kept apart as one of them is not confident',
-    Reason.OTHER_CLASS: 'as their classes differ',
-    Reason.NOT_SIMILAR: 'as they are not similar enough',
-    Reason.CENTRES_APART: 'as their shifted centres are too far from each other',
-    Reason.OTHER_INSTANCE: 'as they belong to two true instances',
+    Reason.NOT_CONFIDENT: 'are not both confident',
+    Reason.OTHER_CLASS: 'have different classes',
+    Reason.NOT_SIMILAR: 'are not similar enough',
+    Reason.CENTRES_APART: 'have shifted centres too far from each other',
+    Reason.OTHER_INSTANCE: 'belong to two true instances',
     Reason.NOT_REACHED: 'were fit to merge, but no seed led there',
 }
 _TABLES = ('Strongest merges', 'Weakest merges', 'Closest refusals')
@@ -72,8 +72,6 @@ class _Regions:
         """One line of a table."""
         ledger = self.ledger
         pair = int(ledger.region_a[row]), int(ledger.region_b[row])
-        columns = (ledger.M_color, ledger.M_scale, ledger.A_n, ledger.A_des, ledger.M_seg)
-        terms = (float(column[row]) for column in columns)
         sizes = tuple(0 if self.region is None else int((self.region == r).sum()) for r in pair)
         names = tuple(self._true_class(r) for r in pair)
         return MergeRow(
@@ -81,7 +79,11 @@ class _Regions:
             pair,
             (names[0], names[1]),
             (sizes[0], sizes[1]),
-            *terms,
+            color=float(ledger.M_color[row]),
+            scale=float(ledger.M_scale[row]),
+            normals=float(ledger.A_n[row]),
+            descriptor=float(ledger.A_des[row]),
+            semantics=float(ledger.M_seg[row]),
             compared=float(self.compared[row]),
             needed=float(ledger.threshold[row]),
         )

@@ -19,7 +19,6 @@ HEAD = (
     'Semantics',
     'Compared',
     'Needed',
-    'Margin',
 )
 
 
@@ -86,11 +85,13 @@ def merge_section(merges: MergeReport) -> str:
 def _cells(row: MergeRow) -> list[str]:
     first, second = (name or 'not known' for name in row.true_classes)
     classes = first if first == second else f'{first} | {second}'
-    terms = (row.color, row.scale, row.normals, row.descriptor, row.semantics, row.compared, row.needed, row.margin)
+    terms = (row.color, row.scale, row.normals, row.descriptor, row.semantics)
     return [
         escape(row.scene),
         ' + '.join(map(str, row.regions)),
         escape(classes),
         ' + '.join(map(count, row.points)),
         *map(number, terms),
+        number(row.compared, 3),
+        number(row.needed, 3),
     ]

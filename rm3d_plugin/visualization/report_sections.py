@@ -174,9 +174,9 @@ def plain(value: Any) -> str:
     return f'{value:.4g}' if isinstance(value, float) else str(value)
 
 
-def number(value: float | None) -> str:
-    """Two digits after the point; a dash for nothing."""
-    return DASH if value is None or not math.isfinite(value) else f'{value:.2f}'
+def number(value: float | None, digits: int = 2) -> str:
+    """So many digits after the point; a dash for nothing."""
+    return DASH if value is None or not math.isfinite(value) else f'{value:.{digits}f}'
 
 
 def percent(share: float | None, digits: int = 1) -> str:

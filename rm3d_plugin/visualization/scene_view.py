@@ -86,7 +86,8 @@ def pack_view(view: SceneView, count: int = MAX_POINTS) -> dict[str, Any]:
 
     Returns:
         ``title``, ``count``, ``total``; ``low`` and ``step`` (3 numbers each, metres): a coordinate is
-        ``low + step * q`` with q in ``xyz``; ``marked``: places among the drawn points; ``layers`` with ``name``, ``kind``, ``role`` and ``data``.
+        ``low + step * q`` with q in ``xyz``; ``marked``: places among the drawn points; ``layers`` with ``name``,
+        ``kind``, ``role`` and ``data``.
         Arrays are little-endian, in base64: xyz uint16 (n, 3), rgb uint8 (n, 3), class uint8 (255 = none), number
         uint16 (65535 = none, larger ones begin again), marked uint32.
     """
