@@ -116,7 +116,7 @@ def oversegment_file(
             known = read_weak_labels(tune, cloud, Path(scan).stem)[kept]
             found = _tune(rest, described, known, options, target_regions)
             log(f'{Path(tune).name}: {_report(found)}')
-            segmenter = build_part(OVERSEGMENTERS, oversegmenter, None, {**options, 'theta': None, **found.options})
+            segmenter = build_part(OVERSEGMENTERS, oversegmenter, None, {**options, **found.options})
         labels = np.asarray(segmenter.partition(rest, described), dtype=np.int64)
         regions = Regions(scatter(labels, kept, len(cloud), fill=-1))
         write_regions(out, cloud, regions, Path(scan).name)
