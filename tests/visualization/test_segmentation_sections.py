@@ -47,11 +47,8 @@ def test_labels_have_a_row_a_class_and_columns_a_round():
 def test_labels_without_instances_have_no_offsets():
     rounds = [{**entry, 'offset_error': None} for entry in ROUNDS]
     rows = Reader(render_report(RunReport('t', rounds=rounds))).rows
-    assert (
-        ['labels', 'coverage', 'precision'] * 2 in rows
-        and ['wall', '1\u2009200', '62.5 %', '95.0 %'] == rows[-1][:4]
-        or (['chair', '0', '0.0 %', '–', '0', '0.0 %', '–'] in rows)
-    )
+    assert ['labels', 'coverage', 'precision'] * 2 in rows
+    assert ['chair', '0', '0.0 %', '–', '0', '0.0 %', '–'] in rows
 
 
 def test_merges_are_told_with_their_terms():
