@@ -32,18 +32,14 @@ def find(rules, evidence=NO_EVIDENCE, person_height=1.7):
     xyz, owner, groups = scene(person_height)
     votes = PointVotes(owner, None)
     ground = np.zeros(len(xyz))
-    found = find_objects(
-        xyz, owner, groups, Boxes3D.empty(), PRIORS, ground, (0.0, 0.0), None, votes, rules, evidence
-    )
+    found = find_objects(xyz, owner, groups, Boxes3D.empty(), PRIORS, ground, (0.0, 0.0), None, votes, rules, evidence)
     return found, owner
 
 
 def detections(*rows):
     """Predicted boxes from (class, place, score)."""
     boxes = [[*place, PRIORS[c][2] / 2, *PRIORS[c], 0.0] for c, place, _ in rows]
-    return Boxes3D(
-        np.array(boxes).reshape(-1, 7), np.array([c for c, _, _ in rows]), np.array([s for _, _, s in rows])
-    )
+    return Boxes3D(np.array(boxes).reshape(-1, 7), np.array([c for c, _, _ in rows]), np.array([s for _, _, s in rows]))
 
 
 def test_without_evidence_the_groups_speak_for_themselves():
