@@ -29,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     points = parser.add_argument_group('classes of points')
     points.add_argument('--format', choices=list(FORMATS), default='ply', help='what is written; default ply')
     points.add_argument('--votes', type=int, help='average over so many directions about z; default as in the run, 1')
+    points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
     points.add_argument('--chunk', type=float, metavar='METRES', help='predict in chunks of this edge')
     points.add_argument('--max-points', type=int, help='predict in chunks of at most so many points; default 1000000')
     points.add_argument(
@@ -42,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = PointOptions(
         format=args.format,
         votes=args.votes,
+        flip=args.flip,
         max_points=args.max_points,
         chunk_size=args.chunk,
         unknown_below=args.unknown_below,

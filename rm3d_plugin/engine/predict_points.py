@@ -20,6 +20,7 @@ from rm3d_plugin.engine.predict_formats import ScanPrediction, check_format, out
 from rm3d_plugin.engine.trained import TrainedNetwork
 from rm3d_plugin.evaluation.point_fields import predicted_classes
 from rm3d_plugin.models.heads.proposals import Instances
+from rm3d_plugin.models.segmentors.scene_inference import Flip
 from rm3d_plugin.storage.scans import ColorRange, read_scan
 from rm3d_plugin.structures import PointCloud, SceneError
 
@@ -35,6 +36,7 @@ class PointOptions:
     Attributes:
         format: See :data:`rm3d_plugin.engine.predict_formats.FORMATS`.
         votes: Directions from which a scan is read; None: as in the run's config.
+        flip: 'both': from each direction mirrored, too; None: as in the run's config.
         max_points: Scans with more points are predicted in chunks; None: as in the run's config, else MAX_POINTS.
         chunk_size: Metres; edge of the chunks; None: as ``max_points`` allows.
         unknown_below: Points whose most likely class is less likely are written as unknown.
@@ -45,6 +47,7 @@ class PointOptions:
 
     format: str = 'ply'
     votes: int | None = None
+    flip: Flip | None = None
     max_points: int | None = None
     chunk_size: float | None = None
     unknown_below: float = 0.0
@@ -88,7 +91,7 @@ class Segmenter:
         """
         dataset, model = network.config.val_dataloader.dataset, network.model
         check_format(options.format, network.classes)
-        wanted = {name: getattr(options, name) for name in ('votes', 'max_points', 'chunk_size')}
+        wanted = {name: getattr(options, name) for name in ('votes', 'flip', 'max_points', 'chunk_size')}
         wanted = {name: value for name, value in wanted.items() if value is not None}
         if model.inference.max_points is None and model.inference.chunk_size is None and 'chunk_size' not in wanted:
             wanted.setdefault('max_points', MAX_POINTS)
