@@ -1,13 +1,4 @@
 # RM3D semantic segmentation of Semantic3D from 0.2 % of the points.
 # Run: python tools/train.py configs/rm3d_sem_semantic3d_0p2pct.py [--demo]
 # Score on Semantic3D: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
-_base_ = [
-    './_base_/runtime.py',
-    './_base_/datasets/semantic3d.py',
-    './_base_/models/segmentor_outdoor.py',
-    './_base_/regions/outdoor.py',
-    './_base_/budgets/points_0p2pct.py',
-    './_base_/schedules/segmentation.py',
-    './_base_/schedules/demo_streets.py',
-]
-demo = dict(demo_data=dict(scenes='semantic3d_streets', num_train=12, num_val=3, seed=0))
+_base_ = ['./_base_/variants/sem_semantic3d.py', './_base_/budgets/points_0p2pct.py']

@@ -1,13 +1,4 @@
 # RM3D semantic segmentation of SemanticKITTI from 0.2 % of the points.
 # Run: python tools/train.py configs/rm3d_sem_semantickitti_0p2pct.py [--demo]
 # Score on SemanticKITTI: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
-_base_ = [
-    './_base_/runtime.py',
-    './_base_/datasets/semantickitti.py',
-    './_base_/models/segmentor_outdoor.py',
-    './_base_/regions/outdoor.py',
-    './_base_/budgets/points_0p2pct.py',
-    './_base_/schedules/segmentation.py',
-    './_base_/schedules/demo_streets.py',
-]
-demo = dict(demo_data=dict(scenes='semantickitti_streets', num_train=60, num_val=12, seed=0))
+_base_ = ['./_base_/variants/sem_semantickitti.py', './_base_/budgets/points_0p2pct.py']

@@ -1,0 +1,10 @@
+# What all configs of semantic segmentation on Semantic3D share; a leaf adds a budget.
+_base_ = [
+    '../runtime.py',
+    '../datasets/semantic3d.py',
+    '../models/segmentor_outdoor.py',
+    '../regions/outdoor.py',
+    '../schedules/segmentation.py',
+    '../schedules/demo_streets.py',
+]
+demo = dict(demo_data=dict(scenes='semantic3d_streets', num_train=12, num_val=3, seed=0))

@@ -1,0 +1,10 @@
+# What all configs of semantic segmentation on SemanticKITTI share; a leaf adds a budget.
+_base_ = [
+    '../runtime.py',
+    '../datasets/semantickitti.py',
+    '../models/segmentor_outdoor.py',
+    '../regions/outdoor.py',
+    '../schedules/segmentation.py',
+    '../schedules/demo_streets.py',
+]
+demo = dict(demo_data=dict(scenes='semantickitti_streets', num_train=60, num_val=12, seed=0))

@@ -1,0 +1,4 @@
+# RM3D semantic segmentation of SemanticKITTI from one labelled point per class and scene.
+# Run: python tools/train.py configs/rm3d_sem_semantickitti_onept.py [--demo]
+# Score on SemanticKITTI: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
+_base_ = ['./_base_/variants/sem_semantickitti.py', './_base_/budgets/points_onept.py']
