@@ -1,5 +1,6 @@
 """Which points of a street scan are ground: a smooth local surface under the scene, then a height threshold."""
 
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +71,11 @@ def segment_ground(
 
     Raises:
         SceneError: A coordinate is not finite.
-        ValueError: A parameter is out of range, or the scene needs more than 16 million cells.
+        ValueError: A parameter is out of range.
+
+    Warns:
+        UserWarning: The scene needs more than 16 million cells. Then only the square of 4000 x 4000 around its middle
+            is looked at; what lies outside is no ground, and its height is that over the nearest border.
     """
     if cell <= 0 or max_height <= 0 or max_slope <= 0 or iterations < 0:
         raise ValueError(
@@ -82,16 +87,33 @@ def segment_ground(
         raise SceneError('segment_ground: points hold NaN or infinite coordinates; drop them first')
     if len(xyz) == 0:
         return GroundResult(np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.float32))
-    low = xyz[:, :2].min(axis=0)
-    shape = (np.floor((xyz[:, :2].max(axis=0) - low) / cell) + 1).astype(np.int64)
-    if shape[0] * shape[1] > MAX_CELLS:
-        raise ValueError(f'segment_ground: {shape[0]} x {shape[1]} cells of {cell} m; drop far outliers or raise cell')
+    inside = _middle(xyz[:, :2], cell)
+    low = xyz[inside, :2].min(axis=0)
+    shape = np.floor((xyz[inside, :2].max(axis=0) - low) / cell) + 1
     xy = np.ascontiguousarray((xyz[:, :2] - low) / cell)
     z = np.ascontiguousarray(xyz[:, 2])
-    grid = _lowest_points(xy, z, (int(shape[0]), int(shape[1])), max_slope * cell)
+    grid = _lowest_points(xy[inside], z[inside], (int(shape[0]), int(shape[1])), max_slope * cell)
     surface = _fit_surface(grid, cell, max_slope, iterations)
+    xy[~inside] = np.clip(xy[~inside], 0.0, shape - 0.5)
     height, steepness = _evaluate(xy, z, surface.height, surface.slope_x, surface.slope_y)
-    return GroundResult((height < max_height) & (steepness <= max_slope * cell), height.astype(np.float32))
+    is_ground = (height < max_height) & (steepness <= max_slope * cell) & inside
+    return GroundResult(is_ground, height.astype(np.float32))
+
+
+def _middle(xy: Float[np.ndarray, 'points 2'], cell: float) -> Bool[np.ndarray, ' points']:
+    """Points that are looked at: all, or where they need too many cells those in a square around the median."""
+    shape = np.floor(np.ptp(xy, axis=0) / cell) + 1
+    if shape[0] * shape[1] <= MAX_CELLS:
+        return np.ones(len(xy), dtype=np.bool_)
+    centre = xy[np.abs(xy - np.median(xy, axis=0)).max(axis=1).argmin()]
+    side = (np.sqrt(MAX_CELLS) - 1) * cell
+    inside: np.ndarray = (np.abs(xy - centre) < side / 2).all(axis=1)
+    warnings.warn(
+        f'segment_ground: {shape[0]:.0f} x {shape[1]:.0f} cells of {cell} m are too many: {(~inside).sum()} of '
+        f'{len(xy)} points outside of the middle {side:.0f} m count as no ground; drop them or raise cell',
+        stacklevel=3,
+    )
+    return inside
 
 
 def _lowest_points(xy: np.ndarray, z: np.ndarray, shape: tuple[int, int], slope: float) -> _Grid:

@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from numba import njit
 
+from rm3d_plugin.ops.voxel_grid import close_gaps
+
 REACH = 2**20  # cells along an axis that fit a cell's number
 
 
@@ -46,7 +48,8 @@ def thin_points(points: Float[np.ndarray, 'points 3'], spacing: float) -> Int[np
         Numbers of the kept points, ascending.
 
     Raises:
-        ValueError: ``spacing`` is not positive, or a million times smaller than the cloud.
+        ValueError: ``spacing`` is not positive, or so small that along an axis half a million stretches of it hold
+            points.
     """
     if not spacing > 0:
         raise ValueError(f'thin_points: spacing: expected metres > 0, got {spacing}')
@@ -54,7 +57,8 @@ def thin_points(points: Float[np.ndarray, 'points 3'], spacing: float) -> Int[np
         return np.zeros(0, dtype=np.int64)
     array = np.ascontiguousarray(points, dtype=np.float64)
     grid = np.floor((array - array.min(axis=0)) / spacing).astype(np.int64) + 1
-    if grid.max() >= REACH - 1:
+    grid = close_gaps(grid, REACH - 2)
+    if grid.max() > REACH - 2:
         raise ValueError(f'thin_points: spacing {spacing} m: the cloud is more than {REACH - 2} times as wide')
     codes, cells = np.unique((grid[:, 0] * REACH + grid[:, 1]) * REACH + grid[:, 2], return_inverse=True)
     steps = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing='ij'), axis=-1).reshape(27, 3)

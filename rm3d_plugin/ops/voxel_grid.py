@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 AXIS_BITS = 20  # voxels along an axis: 2^20
+GAP = 2  # cells apart: no neighbours, however much farther
 RELATIONS = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)]
 
 
@@ -13,7 +14,7 @@ class VoxelGrid(NamedTuple):
     """Occupied voxels of a cloud, sorted by (x, y, z).
 
     Attributes:
-        coords: (V, 3) whole numbers, from 1 upwards.
+        coords: (V, 3) whole numbers, from 1 upwards; gaps are closed where the cloud is too wide (:func:`close_gaps`).
         point_to_voxel: (N,) voxel of each point.
     """
 
@@ -25,7 +26,7 @@ def voxel_grid(points: Float[np.ndarray, 'points 3'], size: float) -> VoxelGrid:
     """Sort points into cubes of edge ``size`` metres whose corners lie at multiples of it.
 
     Raises:
-        ValueError: The size is not positive, or the cloud is more than about a million voxels wide.
+        ValueError: The size is not positive, or more than half a million voxels along an axis are occupied.
     """
     if not size > 0:
         raise ValueError(f'voxel_grid: size: expected a positive length in metres, got {size}')
@@ -33,7 +34,8 @@ def voxel_grid(points: Float[np.ndarray, 'points 3'], size: float) -> VoxelGrid:
         return VoxelGrid(np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
     cells = np.floor(points.astype(np.float64) / size)
     cells = (cells - cells.min(axis=0) + 1).astype(np.int64)  # from 1: a neighbour's number is never negative
-    if cells.max() >= (1 << AXIS_BITS) - 1:
+    cells = close_gaps(cells, (1 << AXIS_BITS) - 2)
+    if cells.max() > (1 << AXIS_BITS) - 2:
         raise ValueError(
             f'voxel_grid: the cloud is {cells.max()} voxels of {size} m wide, at most {(1 << AXIS_BITS) - 2} '
             'can be numbered; drop stray points or use larger voxels'
@@ -42,6 +44,25 @@ def voxel_grid(points: Float[np.ndarray, 'points 3'], size: float) -> VoxelGrid:
     mask = (1 << AXIS_BITS) - 1
     coords = np.stack([keys >> 2 * AXIS_BITS, keys >> AXIS_BITS & mask, keys & mask], axis=1)
     return VoxelGrid(coords, inverse.astype(np.int64))
+
+
+def close_gaps(cells: Int[np.ndarray, 'points 3'], most: int) -> Int[np.ndarray, 'points 3']:
+    """Cells with smaller numbers where some exceed ``most``: an empty stretch along an axis becomes one cell wide.
+
+    Which cells touch each other stays as it is, and so does their order along each axis.
+
+    Args:
+        cells: Whole numbers from 1 upwards.
+        most: Largest number that is wanted; a cloud with more occupied cells along an axis exceeds it still.
+    """
+    if not len(cells) or cells.max() <= most:
+        return cells
+    out = np.empty_like(cells)
+    for axis in range(cells.shape[1]):
+        occupied, inverse = np.unique(cells[:, axis], return_inverse=True)
+        steps = np.minimum(np.diff(occupied, prepend=occupied[0] - 1), GAP)
+        out[:, axis] = np.cumsum(steps)[inverse]
+    return out
 
 
 def _keys(coords: Int[np.ndarray, 'voxels 3']) -> Int[np.ndarray, ' voxels']:

@@ -115,10 +115,19 @@ def test_empty_single_and_duplicate_points():
 def test_bad_input_is_named():
     with pytest.raises(SceneError, match='NaN'):
         segment_ground(np.array([[0.0, np.nan, 0.0]]))
-    with pytest.raises(ValueError, match='drop far outliers'):
-        segment_ground(np.array([[0.0, 0.0, 0.0], [1e6, 1e6, 0.0]]))
     with pytest.raises(ValueError, match='max_slope > 0'):
         segment_ground(np.zeros((1, 3)), max_slope=0.0)
+
+
+def test_stray_points_far_off_are_no_ground_and_change_nothing_else():
+    xyz = street()[0]
+    strays = np.array([[1e6, 1e6, 0.0], [-1e6, 0.0, -50.0]])
+    with pytest.warns(UserWarning, match=f'2 of {len(xyz) + 2} points outside of the middle'):
+        result = segment_ground(np.concatenate([strays[:1], xyz, strays[1:]]))
+    want = segment_ground(xyz)
+    assert not result.is_ground[[0, -1]].any() and np.isfinite(result.height).all()
+    np.testing.assert_array_equal(result.is_ground[1:-1], want.is_ground)
+    np.testing.assert_array_equal(result.height[1:-1], want.height)
 
 
 def test_real_street_scans(real_data):

@@ -42,5 +42,11 @@ def test_small_clouds_and_bad_numbers():
     np.testing.assert_array_equal(thin_points(np.array([[0.0, 0, 0], [0.1, 0, 0]]), 0.1), [0, 1])
     with pytest.raises(ValueError, match='metres > 0, got 0'):
         thin_points(np.zeros((5, 3)), 0)
+
+
+def test_a_cloud_of_any_width(monkeypatch):
+    points = np.array([[0.0, 0, 0], [0.005, 0, 0], [1e6, 0, 0], [1e6 + 0.009, 0, 0], [1e6 + 0.02, -1e6, 0]])
+    np.testing.assert_array_equal(thin_points(points, 0.01), [0, 2, 4])
+    monkeypatch.setattr('rm3d_plugin.ops.thinning.REACH', 8)
     with pytest.raises(ValueError, match='times as wide'):
-        thin_points(np.array([[0.0, 0, 0], [1e6, 0, 0]]), 0.01)
+        thin_points(np.arange(24.0).reshape(8, 3), 0.01)

@@ -53,8 +53,17 @@ def test_neighbours_do_not_run_over_an_axis():
     # The last cell of one row and the first of the next are far apart however they are numbered.
     coords = np.array([[1, 1, 2**20 - 2], [1, 2, 1], [1, 2, 2]])
     assert [row[row >= 0].tolist() for row in voxel_neighbors(coords)] == [[], [2], [1]]
-    with pytest.raises(ValueError, match='voxels of 0.0001 m wide'):
-        voxel_grid(np.array([[0.0, 0, 0], [500.0, 0, 0]]), 0.0001)
+
+
+def test_a_cloud_of_any_width_keeps_its_neighbours(monkeypatch):
+    points = np.array([[0.0, 0, 0], [0.1, 0, 0], [1e6, 0, 0], [1e6, 0.1, 0], [1e6, 0.3, 0]]) + 0.05
+    grid = voxel_grid(points, 0.1)
+    assert grid.coords.tolist() == [[1, 1, 1], [2, 1, 1], [4, 1, 1], [4, 2, 1], [4, 4, 1]]
+    near = [set(row[row >= 0].tolist()) for row in voxel_neighbors(grid.coords)]
+    assert near == [{1}, {0}, {3}, {2}, set()]
+    monkeypatch.setattr('rm3d_plugin.ops.voxel_grid.AXIS_BITS', 3)
+    with pytest.raises(ValueError, match='voxels of 0.1 m wide'):
+        voxel_grid(np.arange(24.0).reshape(8, 3), 0.1)
 
 
 def test_a_seed_with_too_few_voxels_around_it_is_rejected():
