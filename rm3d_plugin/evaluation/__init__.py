@@ -6,6 +6,7 @@ from rm3d_plugin.evaluation.overseg_metric import OversegMetric
 from rm3d_plugin.evaluation.pseudo_label_metric import PseudoLabelMetric
 from rm3d_plugin.evaluation.s3dis_instance_metric import S3DISInstanceMetric
 from rm3d_plugin.evaluation.sem_seg_metric import SemSegMetric
+from rm3d_plugin.evaluation.unlabelled_sem_seg_metric import UnlabelledSemSegMetric
 
 __all__ = [
     'InstanceSegMetric',
@@ -14,4 +15,5 @@ __all__ = [
     'PseudoLabelMetric',
     'S3DISInstanceMetric',
     'SemSegMetric',
+    'UnlabelledSemSegMetric',
 ]

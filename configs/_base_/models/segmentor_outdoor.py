@@ -2,6 +2,6 @@
 # street and differ between crops and whole scenes.
 _base_ = './segmentor_paper.py'
 voxel_size = 0.1  # m
-class_balance = 'frequency'
+class_balance = 'batch'
 height_scale = 5.0  # m of height that count 1; what is twice as high counts as that high
 model = dict(inputs=dict(coordinates=False, height_scale='${height_scale}'))

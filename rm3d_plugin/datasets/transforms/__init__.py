@@ -12,7 +12,7 @@ from rm3d_plugin.datasets.transforms.indoor import (
     crop_rows,
     elastic,
 )
-from rm3d_plugin.datasets.transforms.outdoor import LevelGround, with_heights
+from rm3d_plugin.datasets.transforms.outdoor import ClassCrop, LevelGround, class_center, with_heights
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
 from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, select_points
@@ -20,6 +20,7 @@ from rm3d_plugin.datasets.transforms.shape_features import ShapeFeatures, shape_
 
 __all__ = [
     'AugmentedView',
+    'ClassCrop',
     'ColorAutoContrast',
     'ColorDrop',
     'ColorJitter',
@@ -36,6 +37,7 @@ __all__ = [
     'ViewSettings',
     'augmented_view',
     'auto_contrast',
+    'class_center',
     'crop_rows',
     'elastic',
     'flip_y',

@@ -1,10 +1,12 @@
-"""Transforms of streets."""
+"""Transforms of streets: heights from the ground, crops that meet rare classes."""
 
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from rm3d_plugin.datasets.transforms.indoor import Shape, crop_rows
+from rm3d_plugin.datasets.transforms.points import select_points
 from rm3d_plugin.datasets.transforms.recent import RecentArrays
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS
@@ -52,3 +54,45 @@ class LevelGround:
         xyz = np.ascontiguousarray(results['points'][:, :3])
         heights = self._recent.get_or_make(xyz, lambda: segment_ground(xyz, **self.options).height)
         return results | {'points': with_heights(results['points'], heights)}
+
+
+def class_center(semantic: Int[np.ndarray, ' points'], rng: np.random.Generator, classes: float = 1.0) -> int:
+    """Number of a random point of a class that is itself drawn, each labelled class being as likely; else of any point.
+
+    Args:
+        semantic: (n,) classes, -1 = unlabelled; n >= 1.
+        rng: Source of the draw.
+        classes: Share of the draws that go by class; the others take any point, labelled or not.
+    """
+    known = np.unique(semantic[semantic >= 0])
+    if len(known) == 0 or rng.random() >= classes:
+        return int(rng.integers(len(semantic)))
+    rows = np.flatnonzero(semantic == known[rng.integers(len(known))])
+    return int(rows[rng.integers(len(rows))])
+
+
+@TRANSFORMS.register_module()
+class ClassCrop:
+    """Keep the part of a scene around a point of a class drawn by chance, so that rare classes are met as often.
+
+    Args:
+        max_points: Most points to keep.
+        shape: See :func:`~rm3d_plugin.datasets.transforms.crop_rows`.
+        classes: Share of the crops that lie around a labelled point; the others lie anywhere.
+    """
+
+    def __init__(self, max_points: int, shape: Shape = 'column', classes: float = 0.8) -> None:
+        if max_points < 1 or not 0 <= classes <= 1:
+            raise ValueError(f'ClassCrop: expected max_points >= 1 and a share, got {max_points} and {classes}')
+        if shape not in get_args(Shape):
+            raise ValueError(f'ClassCrop.shape: expected one of {get_args(Shape)}, got {shape!r}')
+        self.max_points, self.shape, self.classes = max_points, shape, classes
+
+    def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
+        """Draw a centre, then crop."""
+        points = results['points']
+        if len(points) <= self.max_points:
+            return results
+        row = class_center(results['semantic'], results['rng'], self.classes)
+        rows = crop_rows(points[:, :3], points[row, :3].astype(np.float64), self.max_points, self.shape)
+        return select_points(results, rows)
