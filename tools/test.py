@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from rm3d_plugin.engine.run import add_config_arguments, config_of, evaluate, exit_code
 from rm3d_plugin.evaluation.functional.kitti_table import format_table, table_rows
-from rm3d_plugin.evaluation.point_fields import format_columns, percent
+from rm3d_plugin.evaluation.point_fields import format_columns
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -32,7 +32,7 @@ def metric_table(metrics: Mapping[str, float]) -> str:
     """Detection: a line for each class, metric and threshold; else a line for each number."""
     if table_rows(metrics):
         return format_table(metrics)
-    return format_columns(('metric', '%'), [(name, percent(value)) for name, value in metrics.items()])
+    return format_columns(('metric', '%'), [(name, f'{value:.2f}') for name, value in metrics.items()])
 
 
 if __name__ == '__main__':

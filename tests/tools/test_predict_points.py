@@ -1,7 +1,10 @@
 """The prediction command with a segmentor."""
 
+import runpy
+
 import numpy as np
 from engine.random_segmentor import make_checkpoint, make_scan
+from engine.tiny_runs import ROOT
 
 from rm3d_plugin.storage.scans import read_scan
 
@@ -35,3 +38,8 @@ def test_options_of_points_are_not_for_boxes(call, trained, world, tmp_path):
     scan = world / 'training' / 'velodyne' / '000001.bin'
     code, output = call('predict', checkpoint, scan, '--out', tmp_path / 'out', '--votes', '4')
     assert code == 2 and 'finds boxes; votes is for networks that classify points' in output
+
+
+def test_scores_of_points_are_printed_as_they_are():
+    table = runpy.run_path(str(ROOT / 'tools' / 'test.py'))['metric_table']({'mIoU': 61.234, 'IoU_wall': float('nan')})
+    assert table.splitlines()[2:] == ['mIoU      61.23', 'IoU_wall    nan']
