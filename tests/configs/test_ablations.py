@@ -1,0 +1,64 @@
+"""Every row of docs/ablations.md is a config that builds, and another one than its base."""
+
+import argparse
+import re
+from pathlib import Path
+
+import pytest
+from configs.leaves import ROOT
+from configs.test_segmentation_configs import build_labeler, load, model_of
+from mmengine.config import DictAction
+from mmengine.registry import DefaultScope
+
+from rm3d_plugin.engine.config import load_config
+from rm3d_plugin.models.losses import MSEAugLoss
+from rm3d_plugin.registry import SCOPE
+
+TEXT = (ROOT / 'docs' / 'ablations.md').read_text(encoding='utf-8')
+
+
+def rows() -> list[tuple[str, str]]:
+    """Base config and options of each row of the tables."""
+    base, found = '', []
+    for line in TEXT.splitlines():
+        if named := re.fullmatch(r'Base: `(.+)`', line):
+            base = named[1]
+        elif line.startswith('|') and (options := re.search(r'`([^`]+=[^`]*)` \|$', line)):
+            found.append((base, options[1]))
+    return found
+
+
+def options_of(text: str) -> dict:
+    """As the command line reads them."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument('--cfg-options', nargs='+', action=DictAction)
+    return parser.parse_args(['--cfg-options', *text.split()]).cfg_options
+
+
+def loaded(base: str, text: str, folder: Path):
+    own = {'data_root': str(folder / 'data'), 'cache_dir': str(folder / 'cache')}
+    return load_config(ROOT / base, folder / 'run', options=own | options_of(text))
+
+
+@pytest.mark.parametrize(('base', 'text'), rows(), ids=lambda value: value.rpartition('/')[2])
+def test_a_row_builds_and_differs_from_its_base(base, text, tmp_path):
+    config = loaded(base, text, tmp_path)
+    with DefaultScope.overwrite_default_scope(SCOPE):
+        model, made = model_of(config), build_labeler(config)
+    plain = load(ROOT / base, tmp_path)
+    hook, before = config.custom_hooks[1], plain.custom_hooks[1]
+    assert (config.model, hook, config.epochs) != (plain.model, before, plain.epochs)
+    for key, value in options_of(text).items():
+        if key.startswith('strategy.'):
+            assert getattr(made.strategy, key.partition('.')[2]) == value
+    if 'MSE' in text:
+        assert type(model.aug_loss) is MSEAugLoss
+    if 'aug_loss=None' in text:
+        assert model.aug_loss is None
+
+
+def test_the_page_has_all_rows_of_the_papers_tables():
+    assert len(rows()) > 40
+    found = ' '.join(text for _, text in rows())
+    for switch in ('color', 'scale', 'descriptor', 'semantics', 'normal_affinity', 'descriptor_affinity'):
+        assert f'strategy.use_{switch}=False' in found
