@@ -36,7 +36,7 @@ class LightFields(NamedTuple):
 
     Attributes:
         values: (M, 10, 45) float32 in [0, 1]: for each view 35 Zernike and 10 Fourier magnitudes; zero where not valid.
-        valid: (M,) bool, False where the patch has fewer than three points.
+        valid: (M,) bool, False where the patch has fewer than three points, or all of them at its centre.
     """
 
     values: Float[np.ndarray, 'patches 10 45']
@@ -71,7 +71,8 @@ def light_fields(
     for start in range(0, len(middles), CHUNK):
         found = tree.radius(middles[start : start + CHUNK], radius, ordered=False)
         rows = slice(start, start + len(found))
-        valid[rows] = found.counts >= MIN_POINTS
+        apart = np.concatenate([[0], np.cumsum(found.sq_dists > 0)])[found.offsets]
+        valid[rows] = (found.counts >= MIN_POINTS) & (np.diff(apart) > 0)
         frame = (views.rights, views.ups, basis, float(radius), float(splat))
         arguments = (array, middles[rows], found.offsets, found.indices, *frame, values[rows])
 
@@ -79,6 +80,7 @@ def light_fields(
             _draw_block(first, last, *arguments)
 
         map_blocks(work, len(found), BLOCK)
+    values[~valid] = 0
     return LightFields(values, valid)
 
 

@@ -113,7 +113,13 @@ class BaseLabeler(ABC):
 
         def make() -> dict[str, np.ndarray]:
             scene = prepare_scene(
-                cloud, self._descriptor, self._oversegmenter, self._graph_neighbors, self._max_gap, seeds
+                cloud,
+                self._descriptor,
+                self._oversegmenter,
+                self._graph_neighbors,
+                self._max_gap,
+                seeds,
+                name=scene_id,
             )
             return scene.to_arrays()
 

@@ -8,10 +8,12 @@ from numba import njit, types
 from numba.typed import Dict
 
 from rm3d_plugin.ops.octree import Octree
+from rm3d_plugin.ops.voxel_grid import close_gaps
 from rm3d_plugin.regions.features import region_features
 from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions
 
 TOUCH_NEIGHBORS = 16  # where no gap is given, regions touch if a point has one of the other among so many nearest
+MOST_CELLS = 2**20 - 2  # along an axis; beyond that empty stretches are cut short
 
 
 class RegionGaps(NamedTuple):
@@ -87,7 +89,7 @@ def regions_within(xyz: Float[np.ndarray, 'points 3'], regions: Regions, max_gap
         return RegionGaps(np.zeros((0, 2), dtype=np.int64), np.zeros(0))
     points, labels = xyz[members].astype(np.float64), regions.labels[members]
     # One empty cell all around spares the search for neighbours any test of the border.
-    cells = np.floor((points - points.min(axis=0)) / max_gap).astype(np.int64) + 1
+    cells = close_gaps(np.floor((points - points.min(axis=0)) / max_gap).astype(np.int64) + 1, MOST_CELLS)
     span = cells.max(axis=0) + 2
     if np.prod(span.astype(np.float64)) > 2.0**62:
         raise ValueError(f'regions_within: {span} cells of {max_gap} m; drop far outliers or raise max_gap')

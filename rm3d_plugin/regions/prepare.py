@@ -1,5 +1,6 @@
 """The geometry path: from a raw scene to its region graph."""
 
+import warnings
 from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
@@ -11,6 +12,8 @@ from rm3d_plugin.oversegmentation import Oversegmenter
 from rm3d_plugin.oversegmentation.base import seeds_among
 from rm3d_plugin.regions.graph import build_region_graph
 from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions, SceneError
+
+TELL_FROM = 0.1  # share of a scene's points that are not described: from here on it is told
 
 
 class Descriptor(Protocol):
@@ -77,6 +80,7 @@ def prepare_scene(
     max_gap: float | None = None,
     seeds: Int[np.ndarray, ' seeds'] | None = None,
     normal_neighbors: int = 20,
+    name: str = 'scene',
 ) -> PreparedScene:
     """Ground off, normals, descriptor, over-segmentation, graph (METHOD 2, 3, 5, 6).
 
@@ -90,13 +94,20 @@ def prepare_scene(
         max_gap: Metres between adjacent regions; see :func:`rm3d_plugin.regions.graph.build_region_graph`.
         seeds: Numbers of labelled points, or None.
         normal_neighbors: Neighbours for normals and curvature.
+        name: Of the scene, for warnings.
 
     Returns:
         The scene with one label a point of ``cloud``.
+
+    Warns:
+        UserWarning: The scene is empty or all ground; more than a tenth of what is left cannot be described (too few
+            neighbours, all in one place); or a channel holds NaN or infinite values, which then count as unknown (0).
     """
+    cloud = _usable_channels(cloud, name)
     kept = np.flatnonzero(~oversegmenter.find_ground(cloud))
     rest = with_normals(cloud.select(kept), normal_neighbors)
     descriptors = descriptor.compute(rest)
+    _tell_undescribed(descriptors, len(cloud), type(descriptor).__name__, name)
     labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)))
     graph = build_region_graph(rest, descriptors, Regions(labels), graph_neighbors, max_gap)
 
@@ -105,6 +116,36 @@ def prepare_scene(
     curvature = scatter(rest.curvature, kept, len(cloud), fill=0)
     everywhere = scatter(np.asarray(labels, dtype=np.int64), kept, len(cloud), fill=-1)
     return PreparedScene(replace(cloud, normals=normals, curvature=curvature), Regions(everywhere), graph)
+
+
+def _usable_channels(cloud: PointCloud, name: str) -> PointCloud:
+    """The cloud with zeros for values that are not finite: a normal of zeros is unknown to all that follows."""
+    usable: dict[str, np.ndarray] = {}
+    for channel in ('colors', 'intensity', 'normals', 'curvature'):
+        values = getattr(cloud, channel)
+        if values is None or np.isfinite(values).all():
+            continue
+        bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        usable[channel] = np.where(bad.reshape(-1, *[1] * (values.ndim - 1)), np.float32(0), values)
+        warnings.warn(
+            f'{name}: {channel} of {bad.sum()} of {len(bad)} points are NaN or infinite and count as 0', stacklevel=3
+        )
+    return replace(cloud, **usable) if usable else cloud
+
+
+def _tell_undescribed(descriptors: Descriptors, total: int, kind: str, name: str) -> None:
+    left = len(descriptors)
+    undescribed = left - int(descriptors.valid.sum())
+    if left == 0:
+        text = 'the scene has no points' if total == 0 else f'all {total} points are ground, nothing is left'
+    elif undescribed > TELL_FROM * left:
+        text = (
+            f'{undescribed} of {left} points cannot be described by {kind} (too few neighbours, or all in one place) '
+            'and join regions by their normals alone; check units and density, or search a larger neighbourhood'
+        )
+    else:
+        return
+    warnings.warn(f'{name}: {text}', stacklevel=3)
 
 
 def with_normals(cloud: PointCloud, neighbors: int = 20) -> PointCloud:

@@ -138,7 +138,12 @@ def test_points_take_the_patch_of_the_nearest_centre():
 
 
 def test_empty_few_and_duplicate_points():
-    for xyz, valid in ((np.zeros((0, 3)), False), (np.zeros((1, 3)), False), (np.ones((5, 3)), True)):
+    for xyz, valid in (
+        (np.zeros((0, 3)), False),
+        (np.zeros((1, 3)), False),
+        (np.ones((5, 3)), False),
+        (np.eye(3) / 9, True),
+    ):
         described = VisualSimilarity().compute(PointCloud(xyz))
         assert described.values.shape == (len(xyz), 450)
         assert (described.valid == valid).all() and np.isfinite(described.values).all()

@@ -94,6 +94,7 @@ def test_wrong_arrays_are_named():
         PreparedScene(scene.cloud, Regions(np.zeros(3200, dtype=np.int64)), scene.graph)
 
 
+@pytest.mark.filterwarnings('ignore:scene.*(no points|ground|described):UserWarning')
 @pytest.mark.parametrize('n', [0, 1, 4])
 @pytest.mark.parametrize('ground', [None, {}])
 def test_very_few_points(n, ground):
