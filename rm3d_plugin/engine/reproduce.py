@@ -14,7 +14,7 @@ from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.overseg_table import descriptor_table
 from rm3d_plugin.engine.robustness import robustness_card
 from rm3d_plugin.engine.table_scenes import COLLECTIONS
-from rm3d_plugin.storage import write_text
+from rm3d_plugin.storage import LabelStore, write_text
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,24 @@ class Table:
         configs: Name of the row -> config leaf in ``configs/``; the last row is the reference of the ratios.
         scores: Heading -> key of ``metrics.json``.
         demo: Run on the embedded synthetic data.
+        labels: Tell how many points have a label in the last round, and how many of the pseudo labels are right.
     """
 
     title: str
     configs: dict[str, str]
     scores: dict[str, str]
     demo: bool = True
+    labels: bool = False
+
+
+def _rows(kind: str, *budgets: str) -> dict[str, str]:
+    """Weak baseline and RM3D on demo rooms for each budget, then full supervision."""
+    named = {'0p2pct': '0.2 % of the points', 'onept': 'a point a class', '20pts': '20 points', '1pct': '1 %'}
+    rows = {}
+    for budget in budgets:
+        rows[f'labelled points alone ({named[budget]})'] = f'sup_{kind}_scannet_{budget}'
+        rows[f'RM3D ({named[budget]})'] = f'rm3d_{kind}_scannet_{budget}'
+    return rows | {'all points': f'sup_{kind}_scannet_full'}
 
 
 TABLES = {
@@ -48,7 +60,25 @@ TABLES = {
             'Cyclist': 'Cyclist_3d_moderate_R40@0.25',
             'mean': 'mAP_3d_moderate_R40_loose',
         },
-    )
+    ),
+    'rooms-demo': Table(
+        title='mIoU on synthetic rooms, in percent',
+        configs=_rows('sem', '0p2pct', 'onept'),
+        scores={'mIoU': 'mIoU'},
+        labels=True,
+    ),
+    'rooms-demo-budgets': Table(
+        title='mIoU on synthetic rooms, in percent; other budgets',
+        configs=_rows('sem', '20pts', '1pct'),
+        scores={'mIoU': 'mIoU'},
+        labels=True,
+    ),
+    'rooms-demo-instances': Table(
+        title='AP of instances on synthetic rooms, in percent',
+        configs=_rows('ins', '0p2pct', 'onept'),
+        scores={'mIoU': 'mIoU', 'AP': 'AP', 'AP25': 'AP25', 'AP50': 'AP50'},
+        labels=True,
+    ),
 }
 
 
@@ -188,14 +218,34 @@ def render(table: Table, seeds: Sequence[int], out: Path) -> str:
     }
     reference = list(values.values())[-1]
     last = list(table.scores)[-1]
+    heads = [*table.scores, f'{last} / full', *(LABEL_HEADS if table.labels else ())]
     lines = [
         f'{table.title}; mean of seeds {", ".join(map(str, seeds))} (lowest to highest)',
         '',
-        f'| trained on | {" | ".join(table.scores)} | {last} / full |',
-        f'|---|{"---|" * (len(table.scores) + 1)}',
+        f'| trained on | {" | ".join(heads)} |',
+        f'|---|{"---|" * len(heads)}',
     ]
     for row, scores in values.items():
-        cells = [f'{statistics.mean(v):.1f} ({min(v):.1f} to {max(v):.1f})' for v in scores.values()]
-        ratio = statistics.mean(scores[last]) / statistics.mean(reference[last])
-        lines.append(f'| {row} | {" | ".join(cells)} | {100 * ratio:.0f} % |')
+        cells = [_spread(v) for v in scores.values()]
+        full = statistics.mean(reference[last])
+        cells.append(f'{100 * statistics.mean(scores[last]) / full:.0f} %' if full else '-')
+        if table.labels:
+            cells += [_spread(v) for v in _label_shares([run_dir(out, table.configs[row], seed) for seed in seeds])]
+        lines.append(f'| {row} | {" | ".join(cells)} |')
     return '\n'.join(lines)
+
+
+LABEL_HEADS = ('points with a label', 'pseudo labels right')
+
+
+def _label_shares(runs: Sequence[Path]) -> tuple[list[float], list[float]]:
+    """Coverage and precision of the last round's labels, in percent; no precision where nothing was pseudo."""
+    stores = [LabelStore(run / 'labels') for run in runs]
+    last = [store.summary(store.rounds()[-1]) for store in stores]
+    right = [100 * summary['precision'] for summary in last if summary['precision'] is not None]
+    return [100 * summary['coverage'] for summary in last], right
+
+
+def _spread(values: Sequence[float]) -> str:
+    """Mean, lowest and highest; a dash for none."""
+    return f'{statistics.mean(values):.1f} ({min(values):.1f} to {max(values):.1f})' if values else '-'

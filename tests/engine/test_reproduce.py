@@ -1,11 +1,13 @@
 """The table of a few finished runs, worked out by hand; no training."""
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.reproduce import Table, render, reproduce, run_dir
+from rm3d_plugin.engine.reproduce import TABLES, Table, render, reproduce, run_dir
 
 TABLE = Table('a title', {'few': 'few_cfg', 'all': 'all_cfg'}, {'Car': 'car', 'mean': 'mean'})
 
@@ -35,6 +37,32 @@ def test_finished_runs_are_not_trained_again(tmp_path, monkeypatch):
     text = reproduce('tiny', [3], tmp_path, log=told.append)
     assert [line.endswith('finished before') for line in told] == [True, True]
     assert (tmp_path / 'tiny.md').read_text() == text + '\n'
+
+
+def test_what_became_of_the_labels_stands_beside_the_scores(tmp_path):
+    for config, coverage, precision in (('few_cfg', 0.625, 0.9), ('all_cfg', 1.0, None)):
+        for seed in (0, 1):
+            finish(tmp_path, config, seed, car=30.0, mean=40.0)
+            for number, summary in enumerate(({'coverage': 0.5, 'precision': 0.1}, (coverage - seed / 8, precision))):
+                if isinstance(summary, tuple):
+                    summary = dict(zip(('coverage', 'precision'), summary, strict=True))
+                folder = run_dir(tmp_path, config, seed) / 'labels' / f'round_{number:03d}'
+                folder.mkdir(parents=True)
+                content = {'round': number, 'scenes': {}, 'summary': summary}
+                (folder / 'complete.json').write_text(json.dumps(content))
+    lines = render(replace(TABLE, labels=True), [0, 1], tmp_path).splitlines()
+    assert lines[2].endswith('| mean / full | points with a label | pseudo labels right |')
+    assert lines[-2].endswith('| 100 % | 56.2 (50.0 to 62.5) | 90.0 (90.0 to 90.0) |')
+    assert lines[-1].endswith('| 100 % | 93.8 (87.5 to 100.0) | - |')
+
+
+@pytest.mark.parametrize('name', TABLES)
+def test_the_configs_of_a_table_are_there_and_write_its_scores(name):
+    folder = Path(__file__).resolve().parents[2] / 'configs'
+    table = TABLES[name]
+    for config in table.configs.values():
+        assert (folder / f'{config}.py').is_file()
+    assert list(table.configs.values())[-1].endswith('full')
 
 
 def test_unknown_table_names_the_known_ones(tmp_path):
