@@ -15,7 +15,15 @@ def join_scenes(parts: list[Tensor]) -> tuple[Tensor, Tensor]:
 
     Returns:
         All rows, and the (B + 1,) int64 offsets of the scenes among them.
+
+    Raises:
+        SceneError: The scenes of a batch have different columns.
     """
+    if len(widths := {part.shape[1] for part in parts}) > 1:
+        raise SceneError(
+            f'points: scenes of {" and ".join(map(str, sorted(widths)))} columns in one batch; expected colour and '
+            'intensity in all scenes or in none'
+        )
     offsets = torch.tensor([0] + [len(part) for part in parts], device=parts[0].device).cumsum(0)
     return torch.cat(parts), offsets
 

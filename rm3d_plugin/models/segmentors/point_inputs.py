@@ -7,6 +7,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from rm3d_plugin.structures import SceneError
+
 Column = Literal['intensity', 'rgb', 'shape']
 _WIDTHS = {'intensity': 1, 'rgb': 3, 'shape': 8}
 _FLOOR = 0.01  # share of a scene's points below its floor: stray points do not count
@@ -79,10 +81,10 @@ def point_inputs(
         settings: What to compute.
 
     Raises:
-        ValueError: The points have other columns than ``settings.columns`` says.
+        SceneError: The points have other columns than ``settings.columns`` says.
     """
     if points.shape[1] != settings.point_columns:
-        raise ValueError(
+        raise SceneError(
             f'points: {points.shape[1]} columns, but x, y, z and columns={list(settings.columns)} make '
             f'{settings.point_columns}; set inputs.columns of the model to what the scans have'
         )
