@@ -98,12 +98,13 @@ def test_files_of_both_tables(rooms, tmp_path, monkeypatch):
     text = overseg_table.descriptor_table(tmp_path, ['toy'], methods=[SPG], log=lambda line: None)
     assert (tmp_path / 'descriptors-overseg.md').read_text() == text + '\n'
     assert (tmp_path / 'descriptors-overseg.png').read_bytes().startswith(b'\x89PNG')
-    saved = list(csv.DictReader((tmp_path / 'descriptors-overseg.csv').open()))
+    saved = list(csv.DictReader((tmp_path / 'descriptors-overseg.csv').read_text().splitlines()))
     assert [row['pose'] for row in saved] == list(POSES) and 0 < float(saved[0]['f1']) < 1
     card = robustness.robustness_card(tmp_path, ['toy'], names=['SuperpointGraph'], log=lambda line: None)
     assert (tmp_path / 'robustness-card.md').read_text() == card + '\n'
     assert (tmp_path / 'robustness-card.png').read_bytes().startswith(b'\x89PNG')
-    assert len(list(csv.DictReader((tmp_path / 'robustness-card.csv').open()))) == sum(map(len, LEVELS.values()))
+    lines = (tmp_path / 'robustness-card.csv').read_text().splitlines()
+    assert len(lines) == 1 + sum(map(len, LEVELS.values()))
 
 
 def test_changes_of_a_scene(rooms):
