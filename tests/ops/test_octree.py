@@ -234,3 +234,50 @@ def test_many_queries_are_counted_before_they_are_written(monkeypatch):
     found = Octree(points).radius(points, 0.15)
     np.testing.assert_array_equal(found.offsets, want.offsets)
     np.testing.assert_array_equal(found.indices, want.indices)
+
+
+def tree_of(points: np.ndarray, leaf_size: int = 4) -> tuple[np.ndarray, ...]:
+    tree = Octree(points, leaf_size)
+    return tuple(np.array(part) for part in tree._tree)
+
+
+@pytest.mark.parametrize('name', clouds())
+def test_parts_of_the_tree_hang_together(name, monkeypatch):
+    """A tree built in many parts has the octants of one built whole; their numbers depend on no thread."""
+    points = clouds()[name]
+    if not len(points):
+        return
+    columns, order, nodes, boxes, cubes = tree_of(points)
+    monkeypatch.setattr('rm3d_plugin.ops._octree_build.PART', 16)
+    parts = []
+    for threads in (1, 2):
+        monkeypatch.setattr('numba.config.NUMBA_NUM_THREADS', threads)
+        parts.append(tree_of(points))
+    for one, two in zip(*parts, strict=True):
+        np.testing.assert_array_equal(one, two)
+    np.testing.assert_array_equal(parts[0][0], columns)
+    np.testing.assert_array_equal(parts[0][1], order)
+
+    def rows(nodes, boxes, cubes):
+        table = np.c_[nodes[:, [0, 1, 3, 4]], boxes, cubes]
+        return table[np.lexsort(table.T[::-1])]
+
+    np.testing.assert_array_equal(rows(*parts[0][2:]), rows(nodes, boxes, cubes))
+    for _, _, found, _, _ in parts:
+        for node, (start, stop, first, children, _) in enumerate(found):
+            if children:
+                below = found[first : first + children]
+                assert first > node and below[0, 0] == start and below[-1, 1] == stop
+                np.testing.assert_array_equal(below[1:, 0], below[:-1, 1])
+
+
+def test_building_is_the_same_for_any_number_of_threads(monkeypatch):
+    """More points than a block of each stage holds, of few different codes and of many."""
+    rng = np.random.default_rng(8)
+    for points in (rng.random((150_000, 3)), rng.integers(0, 6, (150_000, 3)).astype(np.float32)):
+        trees = []
+        for threads in (1, 3):
+            monkeypatch.setattr('numba.config.NUMBA_NUM_THREADS', threads)
+            trees.append(tree_of(points, 32))
+        for one, other in zip(*trees, strict=True):
+            np.testing.assert_array_equal(one, other)

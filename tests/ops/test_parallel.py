@@ -8,7 +8,7 @@ import torch
 from numba import config, njit
 
 from rm3d_plugin.ops import _parallel
-from rm3d_plugin.ops._parallel import each_block, num_threads, set_threads, take_turn
+from rm3d_plugin.ops._parallel import each_block, map_ahead, map_blocks, num_threads, set_threads, take_turn
 
 
 @pytest.fixture(autouse=True)
@@ -82,3 +82,47 @@ def test_processes_of_a_launcher_share_the_cores(monkeypatch):
     cores = _parallel.free_cores()
     monkeypatch.setenv('LOCAL_WORLD_SIZE', '2')
     assert _parallel.free_cores() == max(1, cores // 2)
+
+
+@pytest.mark.parametrize('threads', [1, 3])
+def test_blocks_come_in_order_and_a_few_are_worked_ahead(threads, monkeypatch):
+    monkeypatch.setattr(config, 'NUMBA_NUM_THREADS', threads)
+    begun = []
+
+    def work(start, stop):
+        begun.append(start)
+        return start, stop
+
+    assert list(map_ahead(work, 25, 10)) == map_blocks(work, 25, 10) == [(0, 10), (10, 20), (20, 25)]
+    assert list(map_ahead(work, 0, 10)) == []
+    begun.clear()
+    results = map_ahead(work, 1000, 1)
+    assert next(results) == (0, 1)
+    results.close()
+    assert len(begun) <= 1 + (_parallel.AHEAD * threads if threads > 1 else 0)
+    assert not any(thread.name.startswith('ThreadPoolExecutor') for thread in threading.enumerate())
+
+
+def test_an_error_in_a_block_reaches_the_caller(monkeypatch):
+    monkeypatch.setattr(config, 'NUMBA_NUM_THREADS', 2)
+
+    def work(start, stop):
+        if start == 3:
+            raise ValueError('block 3')
+        return start
+
+    for share in (map_blocks, map_ahead):
+        with pytest.raises(ValueError, match='block 3'):
+            list(share(work, 10, 1))
+
+
+def test_a_helper_asks_for_no_help(monkeypatch):
+    monkeypatch.setattr(config, 'NUMBA_NUM_THREADS', 2)
+
+    def inner(start, stop):
+        return threading.get_ident()
+
+    def outer(start, stop):
+        return set(map_blocks(inner, 8, 1)) == {threading.get_ident()}
+
+    assert all(map_blocks(outer, 4, 1))
