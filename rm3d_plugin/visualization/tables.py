@@ -69,7 +69,8 @@ def draw_bars(panels: Sequence[BarPanel], label: str, dpi: int = 110) -> bytes:
         axes.set_yticks(range(len(panel.names)), panel.names, fontsize=7)
         axes.invert_yaxis()
         _label(axes, panel.title, label)
-    rows[0][0].legend(fontsize=7, frameon=False, loc='lower right')
+    handles, names = rows[0][0].get_legend_handles_labels()
+    figure.legend(handles, names, fontsize=7, frameon=False, loc='outside lower center', ncols=3)
     return _png(figure)
 
 
