@@ -20,8 +20,7 @@ from rm3d_plugin.structures import UNLABELLED
 BUDGET = '20pts_class'  # at most so many points of a class
 SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
 CONFIGS = Path(__file__).resolve().parents[2] / 'configs'
-WEAK, FULL = {'spread': False, 'label_rounds': 1}, dict[str, Any]()
-METHODS: dict[str, Mapping[str, Any]] = {'weak': WEAK, 'rm3d': FULL}
+METHODS: dict[str, dict[str, Any]] = {'weak': {'spread': False, 'label_rounds': 1}, 'rm3d': {}}
 
 
 @dataclass(frozen=True)
@@ -74,8 +73,8 @@ def semantickitti_scans(root: Path, out: Path) -> list[Scan]:
             target = alone / 'sequences' / f'{SEQUENCE:02d}' / part / f'{number}{ending}'
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(sequence / part / f'{number}{ending}', target)
-        options = {'data_root': str(alone), 'train_sequences': [SEQUENCE], 'val_sequences': [SEQUENCE]}
-        options |= {'use_intensity': False, 'point_columns': ['shape']}  # some of the scans have none
+        options: dict[str, Any] = {'use_intensity': False, 'point_columns': ['shape']}  # some of the scans have none
+        options |= {'data_root': str(alone), 'train_sequences': [SEQUENCE], 'val_sequences': [SEQUENCE]}
         scans.append(Scan(f'SemanticKITTI {sequence.name}/{number}', 'rm3d_sem_semantickitti_0p2pct', options))
     return scans
 

@@ -82,7 +82,7 @@ def test_a_crop_is_an_upright_column_around_a_rare_class():
     )
     assert len(made['points']) == len(made['semantic']) == len(made['is_true']) == 500
     assert (made['semantic'] == 1).sum() == 60  # the whole pole, from its foot to its top
-    assert np.linalg.norm(made['points'][:, :2] - 4.0, axis=1).max() < 3.5
+    assert np.linalg.norm(made['points'][:, :2] - 4.0, axis=1).max() < 6.5
     whole = item(xyz[:100], semantic=semantic[:100])
     assert ClassCrop(100)(whole) is whole
 

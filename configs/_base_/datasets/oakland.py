@@ -6,6 +6,7 @@ val_split = 'test'
 num_classes = 6
 thing_classes = []
 point_columns = ['shape']
+crop_points = 16000
 train_tiles = None  # None: those of the split
 val_tiles = None
 train_dataloader = dict(dataset=dict(tiles='${train_tiles}', cache='${cache_dir}'))

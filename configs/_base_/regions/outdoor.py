@@ -1,5 +1,5 @@
 # How the points of streets become regions and regions merge (METHOD 3, 5, 6). The ground, which has classes too, is cut into
-# squares; what stands on it grows. Purity, reach and round-0 labels on real scans: docs/RESULTS.md.
+# squares; what stands on it grows. How many of the first labels are right on real scans: docs/RESULTS.md.
 descriptor = dict(type='AdaptedPFH', radius=0.4, range_growth=0.1, max_neighbors=48)
 oversegmenter = dict(
     type='GroundPatches',

@@ -1,10 +1,10 @@
-# A handful of large scenes: many crops of each, few epochs that are called so, on a CPU.
+# A handful of large scenes on a CPU: each epoch is one crop of each, small steps, two refreshes of the labels.
 _base_ = './segmentation.py'
-rounds = 4
-sigma = 25
-periods = [25, 25, 25, 25]
-restart_weights = [1, 1, 1, 1]
+rounds = 3
+sigma = 27
+periods = [27, 54]  # epochs; the refresh in the middle of the second does not disturb it
+restart_weights = [1, 0.8]
 param_scheduler = '${restart_schedule}'
-batch_size = 2
+batch_size = 1
 learning_rate = 4e-3
-val_rounds = 4
+val_rounds = 3
