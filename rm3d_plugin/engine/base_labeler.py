@@ -207,4 +207,4 @@ def _prepare_one(labeler: BaseLabeler, scene_id: str) -> None:
     labeler.prepared(scene_id)
 
 
-PREPARED_VERSION = 1  # raise it when the geometry path changes, so that older caches are not read
+PREPARED_VERSION = 2  # raise it when the geometry path changes, so that older caches are not read

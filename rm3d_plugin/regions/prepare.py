@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.descriptors.base import virtual_viewpoint
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.oversegmentation import Oversegmenter
 from rm3d_plugin.oversegmentation.base import seeds_among
@@ -149,10 +150,14 @@ def _tell_undescribed(descriptors: Descriptors, total: int, kind: str, name: str
 
 
 def with_normals(cloud: PointCloud, neighbors: int = 20) -> PointCloud:
-    """The cloud with normals and curvature, estimated from ``neighbors`` nearest points where it has none."""
+    """The cloud with normals and curvature, estimated from ``neighbors`` nearest points where it has none.
+
+    Estimates turn to the sensor; where it is unknown, to a point that moves with the cloud.
+    """
     if cloud.normals is not None and cloud.curvature is not None:
         return cloud
-    found = estimate_normals(cloud.xyz, k=neighbors, viewpoint=cloud.sensor)
+    viewpoint = virtual_viewpoint(cloud.xyz) if cloud.sensor is None else cloud.sensor
+    found = estimate_normals(cloud.xyz, k=neighbors, viewpoint=viewpoint)
     normals = np.where(found.valid[:, None], found.normals, 0.0) if cloud.normals is None else cloud.normals
     curvature = found.curvature if cloud.curvature is None else cloud.curvature
     return replace(cloud, normals=normals, curvature=curvature)
