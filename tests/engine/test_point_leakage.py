@@ -81,10 +81,27 @@ def test_other_revealed_points_change_the_run(drawn, tmp_path):
     assert ours != theirs
 
 
-def test_a_run_killed_while_it_renews_its_labels_ends_as_an_undisturbed_one(drawn, tmp_path):
-    code, log = run(tmp_path / 'run', kill_at_refresh=5)
+@pytest.mark.parametrize(
+    ('moment', 'round_one', 'resumed'),
+    [
+        ({'kill_at_refresh': 5}, False, 2),
+        ({'kill_at_iteration': 2}, False, 0),  # in the first epoch, before any checkpoint
+        ({'kill_at_iteration': 5}, False, 1),  # in the second epoch on the first labels
+        ({'kill_at_iteration': 8}, True, 2),  # in the first epoch on the new labels
+    ],
+    ids=['refresh', 'epoch 1', 'epoch 2', 'epoch 3'],
+)
+def test_a_killed_run_ends_as_an_undisturbed_one(drawn, tmp_path, moment, round_one, resumed):
+    code, log = run(tmp_path / 'run', **moment)
     assert code == -9, log
-    assert not LabelStore(tmp_path / 'run' / 'labels').is_complete(1)
+    assert LabelStore(tmp_path / 'run' / 'labels').is_complete(1) == round_one
     code, log = run(tmp_path / 'run', resume=True)
     assert code == 0, log
+    assert ('training starts from scratch' in log) == (resumed == 0) and (f'resumed epoch: {resumed}' in log) == (
+        resumed > 0
+    )
     assert_same_learning(tmp_path / 'run', drawn)
+    assert (tmp_path / 'run' / 'metrics.json').read_bytes() == (drawn / 'metrics.json').read_bytes()
+    ours, theirs = (torch.load(f / 'epoch_4.pth', weights_only=True)['optimizer'] for f in (tmp_path / 'run', drawn))
+    for number, state in ours['state'].items():
+        assert all(torch.equal(state[key], theirs['state'][number][key]) for key in state)

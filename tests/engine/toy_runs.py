@@ -77,15 +77,17 @@ def train(
     budget: Any = BUDGET,
     resume: bool = False,
     kill_at_refresh: int | None = None,
+    kill_at_iteration: int | None = None,
     change: Callable[[], str] | None = None,
 ) -> None:
-    """Train; ``change`` may register another data set and give its name."""
+    """Train, three iterations an epoch; ``change`` may register another data set and give its name."""
     import torch
     from mmengine.registry import init_default_scope
     from reference.toy_scenes import ToyRooms
 
     import rm3d_plugin.engine
     import rm3d_plugin.models
+    from rm3d_plugin.engine.loops import RoundTrainLoop
     from rm3d_plugin.engine.run import train as train_config
     from rm3d_plugin.registry import DATASETS
 
@@ -95,6 +97,8 @@ def train(
     tiny_runs._skip_pretty_printing()
     if kill_at_refresh is not None:
         tiny_runs._kill_at_call(rm3d_plugin.engine.PointLabeler, 'refresh', kill_at_refresh, after=True)
+    if kill_at_iteration is not None:
+        tiny_runs._kill_at_call(RoundTrainLoop, 'run_iter', kill_at_iteration, after=True)
     name = 'ToyRooms' if change is None else change()
     train_config(config_of(work_dir, budget, name), resume)
 
