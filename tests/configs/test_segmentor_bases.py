@@ -34,7 +34,7 @@ def test_a_base_builds(name, voxel, levels, width, instances, tmp_path):
         model = MODELS.build(config.model)
     assert type(model) is RM3DSegmentor and model.num_classes == 4 and model.thing_classes == (2, 3)
     assert (model.backbone.voxel_size, len(config.widths), model.backbone.out_channels) == (voxel, levels, width)
-    assert model.inputs.point_columns == 7 and model.inputs.channels == 3 + 1 + 2 + 1
+    assert model.inputs.point_columns == 7 and model.inputs.channels == 3 + 1 + 1  # rgb, height, one
     if instances:
         assert model.instance_head.rules.radius == 0.5
     else:
