@@ -12,6 +12,7 @@ from typing import Protocol
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.overseg_table import descriptor_table
+from rm3d_plugin.engine.reproduce_points import propagation_table
 from rm3d_plugin.engine.robustness import robustness_card
 from rm3d_plugin.engine.table_scenes import COLLECTIONS
 from rm3d_plugin.storage import LabelStore, write_text
@@ -115,6 +116,9 @@ class Measured:
 MEASURED = {
     'descriptors-overseg': Measured(
         'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table
+    ),
+    'propagation': Measured(
+        'mIoU on the unlabelled points of single real scans, three ways (trains)', propagation_table
     ),
     'robustness-card': Measured('Similarity of the same point after turning, thinning and noise', robustness_card),
 }

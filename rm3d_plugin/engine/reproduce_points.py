@@ -8,18 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mmengine.registry import init_default_scope
 
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.run import config_errors, set_threads, train
 from rm3d_plugin.evaluation.functional.semantic_iou import confusion_counts, semantic_scores
-from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.registry import DATASETS, SCOPE
 from rm3d_plugin.storage import LabelStore, write_text
 from rm3d_plugin.structures import UNLABELLED
 
 BUDGET = '20pts_class'  # at most so many points of a class
 SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
 CONFIGS = Path(__file__).resolve().parents[2] / 'configs'
+SCHEDULE = {'sigma': 50, 'periods': [50, 100]}  # an epoch is one crop
 METHODS: dict[str, dict[str, Any]] = {'weak': {'spread': False, 'label_rounds': 1}, 'rm3d': {}}
 
 
@@ -73,9 +75,8 @@ def semantickitti_scans(root: Path, out: Path) -> list[Scan]:
             target = alone / 'sequences' / f'{SEQUENCE:02d}' / part / f'{number}{ending}'
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(sequence / part / f'{number}{ending}', target)
-        options: dict[str, Any] = {'use_intensity': False, 'point_columns': ['shape']}  # some of the scans have none
-        options |= {'data_root': str(alone), 'train_sequences': [SEQUENCE], 'val_sequences': [SEQUENCE]}
-        scans.append(Scan(f'SemanticKITTI {sequence.name}/{number}', 'rm3d_sem_semantickitti_0p2pct', options))
+        options = {'data_root': str(alone), 'train_sequences': [SEQUENCE], 'val_sequences': [SEQUENCE]}
+        scans.append(Scan(f'SemanticKITTI {sequence.name}/{number}', 'rm3d_sem_semantickitti_few_1pct', options))
     return scans
 
 
@@ -102,7 +103,8 @@ def propagate(
 
 def _config(scan: Scan, work_dir: Path, options: Mapping[str, Any]) -> Any:
     scored = [{'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels'}]
-    keys: dict[str, Any] = {'budget': BUDGET, 'val_evaluator': scored} | dict(scan.options) | dict(options)
+    keys: dict[str, Any] = {'budget': BUDGET, 'val_evaluator': scored} | SCHEDULE | dict(scan.options) | dict(options)
+    init_default_scope(SCOPE)
     config = load_config(CONFIGS / f'{scan.config}.py', work_dir, options=keys)
     set_threads(int(config.threads))
     return config
