@@ -74,7 +74,7 @@ def test_every_data_set_has_every_budget():
 @EACH
 @pytest.mark.parametrize('demo', [False, True], ids=['', 'demo'])
 def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
-    if demo and path.stem not in EXPECTED:
+    if demo and 'oakland' in path.stem:  # real tiles only
         with pytest.raises(ConfigError, match='this config has no `demo` settings'):
             load(path, tmp_path, demo)
         return
@@ -89,7 +89,7 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
         with pytest.raises(DatasetNotFoundError):
             len(dataset)
     assert (config.train_dataloader.dataset.labels, config.label_dataloader.dataset.labels) == ('store', 'none')
-    data_set, budget = path.stem.split('_')[2:4]
+    data_set, budget = path.stem.split('_')[2], path.stem.split('_')[-1]
     kinds = ['SemSegMetric', *([INSTANCE_METRIC[data_set]] if instances else [])]
     assert [type(METRICS.build(metric)).__name__ for metric in config.val_evaluator] == kinds
     assert config.test_evaluator == config.val_evaluator and config.budget == budget
