@@ -156,7 +156,9 @@ def test_data_that_are_not_there(tmp_path, monkeypatch):
     assert [line.split(':')[0] for line in told] == ['oakland', 'semantickitti'] and str(tmp_path) in told[0]
     with pytest.raises(ConfigError, match=r"data among rooms, .*got 1, None, \['moon'\]"):
         load_collections(['moon'], tmp_path, 1)
-    with pytest.raises(ConfigError, match="no measured table 'x'; there are: descriptors-overseg, robustness-card"):
+    with pytest.raises(
+        ConfigError, match="no measured table 'x'; there are: descriptors-overseg, propagation, robustness-card"
+    ):
         reproduce.measure('x', tmp_path)
     with pytest.raises(ConfigError, match='nothing to measure'):
         reproduce.measure('robustness-card', tmp_path, ['oakland'], log=told.append)

@@ -14,7 +14,7 @@ from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES, S3DIS_CLASSES
 from rm3d_plugin.datasets.synthetic.rooms import RoomScan, make_layout, make_room
 
 SPACING = 0.08
-ROOM_HASH = 'a2d6f426fbe54f04c628d86ac9055d5e99f80f8b73503fc93da5859927ddf8d9'
+ROOM_HASH = '6c5b6689d99175d549fe3d9d1851e29215003d20c3b12dd0f1b2ca401e1ac83f'
 SMALL = DepthCamera(40, 30)
 
 
