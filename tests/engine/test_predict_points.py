@@ -28,6 +28,7 @@ def checkpoint(tmp_path_factory):
 
 
 def test_ply_las_and_npz_say_the_same_and_keep_utm_coordinates(checkpoint, tmp_path):
+    pytest.importorskip('laspy')
     utm = (468_123.0, 5_764_321.0, 80.0)
     scan = make_scan(tmp_path / 'utm.ply', shift=utm)
     source = read_scan(scan).cloud
