@@ -199,10 +199,8 @@ def find_objects(
     trusted = judged if evidence.limits is None else [c for c in judged if c.score >= evidence.limits[c.label]]
     if evidence.limits is not None:  # what is no pseudo box has no label either
         rejected |= (point_groups >= 0) & np.append(wanted, False)[point_groups]
-    for candidate in large_enough:
-        rejected[candidate.members] = True
-    for candidate in trusted:
-        rejected[candidate.members] = False
+    _set_members(rejected, large_enough, True)
+    _set_members(rejected, trusted, False)
     boxes, point_box, lost = _compete(len(xyz), trusted, true_boxes, earlier, rules)
     counts = {
         'pseudo_boxes': float(len(boxes)),
@@ -213,12 +211,22 @@ def find_objects(
         'doubtful_groups': float(len(judged) - len(trusted)),
         'suppressed_boxes': float(lost),
     }
-    scores = Boxes3D(
-        np.array([c.fit.box for c in judged]).reshape(-1, 7),
-        np.array([c.label for c in judged], dtype=np.int64),
-        np.array([c.score for c in judged], dtype=np.float64),
+    return Objects(boxes, point_box, rejected, counts, _as_boxes(judged))
+
+
+def _set_members(mask: Bool[np.ndarray, ' points'], candidates: list[_Candidate], value: bool) -> None:
+    """Write into the rows of the candidates' points, in place."""
+    for candidate in candidates:
+        mask[candidate.members] = value
+
+
+def _as_boxes(candidates: list[_Candidate]) -> Boxes3D:
+    """Boxes, classes and scores of the candidates."""
+    return Boxes3D(
+        np.array([c.fit.box for c in candidates]).reshape(-1, 7),
+        np.array([c.label for c in candidates], dtype=np.int64),
+        np.array([c.score for c in candidates], dtype=np.float64),
     )
-    return Objects(boxes, point_box, rejected, counts, scores)
 
 
 def _shows_enough(context: _Context, candidate: _Candidate) -> bool:
