@@ -1,37 +1,8 @@
 # Sparse U-Net segmentor for a CPU: four levels, coarse voxels, thinned points.
-# num_classes, thing_classes (class numbers that have instances) and point_columns (['intensity'], ['rgb'], ...) come from
-# the data set. A leaf for instances says instance_head = '${point_group}'.
-model = dict(
-    type='RM3DSegmentor',
-    num_classes='${num_classes}',
-    inputs=dict(columns='${point_columns}', use='${use_columns}', coordinates='${use_coordinates}'),
-    backbone=dict(type='SparseUNet', voxel_size='${voxel_size}', widths='${widths}', blocks='${blocks}'),
-    semantic_head=dict(type='SemanticHead', balance='${class_balance}', pseudo_weight='${pseudo_weight}'),
-    instance_head='${instance_head}',
-    aug_loss='${aug_loss}',
-    dice_loss='${dice_loss}',
-    thing_classes='${thing_classes}',
-)
+_base_ = ['./segmentor_paper.py']
 voxel_size = 0.05  # m
 widths = [16, 32, 48, 64]
 blocks = 1
-use_coordinates = False  # True: the place in the scene too; crops then differ from whole scenes
-use_columns = '${point_columns}'  # []: a network that sees shapes only
-class_balance = 'none'  # 'frequency': by the revealed labels; 'batch': by the labels of a batch
-pseudo_weight = 1.0  # of a label that the budget did not reveal
-aug_loss = dict(type='JSAugLoss')
-dice_loss = None  # dict(type='DiceLoss') with instances
-instance_head = None
-point_group = dict(
-    type='PointGroupHead',
-    proposals=dict(
-        radius='${cluster_radius}',
-        cluster_points='${cluster_points}',
-        min_points='${min_proposal_points}',
-        nms_iou=0.3,
-        coordinates='both',
-    ),
-)
 cluster_radius = 0.08  # m; thinned points lie further apart than those of a full scan
 cluster_points = 20
 min_proposal_points = 40
