@@ -19,6 +19,7 @@ TILES: dict[str, tuple[str, ...]] = {
     'test': ('part2_ag', 'part2_ai', 'part3_ao'),
 }
 ENDING = '.xyz_label_conf'
+KEPT_TILES = 16  # in memory; a tile is 2 MB
 _LAYOUT = """
     {root}/
       oakland_part2_ac.xyz_label_conf  ...      one tile a file: x y z label confidence
@@ -58,6 +59,7 @@ class OaklandDataset(SegmentationDataset):
         self.tiles = TILES[split] if tiles is None else tuple(tiles)
         if not self.tiles or len(set(self.tiles)) != len(self.tiles):
             raise ValueError(f'tiles: name at least one, each once; got {list(self.tiles)}')
+        self._kept: dict[int, RawScene] = {}
 
     def find_scenes(self) -> tuple[str, ...]:
         """The tiles, in the order they are named."""
@@ -73,7 +75,15 @@ class OaklandDataset(SegmentationDataset):
         return self.tiles
 
     def read_scene(self, index: int) -> RawScene:
-        """Points and merged classes of a tile."""
+        """Points and merged classes of a tile; the first few stay in memory, since every epoch asks for all."""
+        if index in self._kept:
+            return self._kept[index]
+        scene = self._read_tile(index)
+        if len(self._kept) < KEPT_TILES:
+            self._kept[index] = scene
+        return scene
+
+    def _read_tile(self, index: int) -> RawScene:
         path = self._file(self.scene_ids[index])
 
         def parse() -> dict[str, np.ndarray]:
@@ -83,6 +93,10 @@ class OaklandDataset(SegmentationDataset):
         arrays = parse() if self.cache is None else self.cache.get_or_make(file_key('oakland', (path,)), parse)
         semantic: Int[np.ndarray, ' points'] = merge_ids(arrays['label'], path)
         return RawScene(PointCloud(arrays['xyz'].astype(np.float32)), semantic)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the tiles in memory: they would travel to every data loader process."""
+        return super().__getstate__() | {'_kept': {}}
 
     def _file(self, tile: str) -> Path:
         named = self.data_root / f'oakland_{tile}{ENDING}'

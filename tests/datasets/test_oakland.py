@@ -1,5 +1,7 @@
 """Oakland's tiles: a few lines by hand, and the tiles of the real data set."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,16 @@ def test_splits_and_missing_tiles(tmp_path):
         OaklandDataset(tmp_path, 'val')
     with pytest.raises(ValueError, match='tiles: name at least one, each once'):
         OaklandDataset(tmp_path, tiles=['part2_ac', 'part2_ac'])
+
+
+def test_tiles_stay_in_memory_but_do_not_travel(tmp_path):
+    path = write(tmp_path)
+    dataset = OaklandDataset(tmp_path, tiles=['part2_ac'])
+    first = dataset.read_scene(0)
+    path.unlink()
+    assert dataset.read_scene(0) is first
+    with pytest.raises(SceneError, match='no such file'):
+        pickle.loads(pickle.dumps(dataset)).read_scene(0)
 
 
 def test_parsed_once(tmp_path):
