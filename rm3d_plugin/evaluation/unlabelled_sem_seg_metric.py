@@ -20,12 +20,15 @@ class UnlabelledSemSegMetric(SemSegMetric):
 
     Args:
         label_store: Folder of the run's label store, which tells the revealed points of each scene.
+        keep_labels: True scores what the run says of its own scene: points with a label in the current round have that
+            label, the network says only what the others are.
         settings: Arguments of :class:`SemSegMetric`.
     """
 
-    def __init__(self, label_store: str | Path, **settings: Any) -> None:
+    def __init__(self, label_store: str | Path, keep_labels: bool = False, **settings: Any) -> None:
         super().__init__(**settings)
         self.label_store = LabelStore(label_store)
+        self.keep_labels = keep_labels
 
     def process(self, data_batch: Any, data_samples: Sequence[Any]) -> None:
         """Count the unlabelled points of every scene of a batch.
@@ -39,7 +42,11 @@ class UnlabelledSemSegMetric(SemSegMetric):
             fields = fields_of(sample, ['pred_point_probs', 'scene_id'], name)
             rows = predicted_classes(numpy_of(fields['pred_point_probs']))
             truth = point_truth(fields, len(rows), name)
-            revealed = self.label_store.read(fields['scene_id']).point_is_true
-            hidden = revealed if truth.original is None else revealed[truth.original]
-            semantic = np.where(hidden, UNLABELLED, truth.semantic)
-            self.results.append(confusion_counts(truth.spread(rows, -1), semantic, count, self.ignored))
+            labels = self.label_store.read(fields['scene_id'])
+            whole = slice(None) if truth.original is None else truth.original
+            semantic = np.where(labels.point_is_true[whole], UNLABELLED, truth.semantic)
+            said = truth.spread(rows, -1)
+            if self.keep_labels:
+                known = labels.semantic[whole]
+                said = np.where(known >= 0, known, said)
+            self.results.append(confusion_counts(said, semantic, count, self.ignored))

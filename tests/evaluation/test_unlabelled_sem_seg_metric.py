@@ -48,3 +48,13 @@ def test_only_hidden_points_count(store):
     assert got['IoU_car'] == pytest.approx(50.0)
     assert got['accuracy'] == pytest.approx(75.0)
     assert scored(SemSegMetric(classes=('road', 'car')))['accuracy'] == pytest.approx(50.0)
+
+
+def test_labels_of_the_round_come_before_the_network(store):
+    got = scored(UnlabelledSemSegMetric(store, keep_labels=True, classes=('road', 'car')))
+    assert got['accuracy'] == pytest.approx(75.0)  # point 5 is labelled a car, as the network says; the truth is road
+    made = sample()
+    made.pred_point_probs[2] = torch.tensor([0.0, 1.0])  # what is labelled needs no network
+    metric = UnlabelledSemSegMetric(store, keep_labels=True, classes=('road', 'car'))
+    metric.process(None, [made])
+    assert metric.evaluate(1) == got
