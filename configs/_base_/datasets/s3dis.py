@@ -1,5 +1,5 @@
 # S3DIS, native layout: 13 classes, Area 5 is the test area by default.
-_base_ = ['./points.py', './indoor_pipeline.py']
+_base_ = './indoor_pipeline.py'
 dataset_type = 'S3DISDataset'
 data_root = 'data/s3dis'
 test_area = 5

@@ -1,5 +1,5 @@
 # ScanNet v2, native layout: 20 classes, instances of all but wall and floor.
-_base_ = ['./points.py', './indoor_pipeline.py']
+_base_ = './indoor_pipeline.py'
 dataset_type = 'ScanNetDataset'
 data_root = 'data/scannet'
 num_classes = 20

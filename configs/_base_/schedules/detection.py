@@ -1,37 +1,10 @@
 # Eight rounds of 40 epochs, Adam, learning rate x 0.1 at a quarter and at half of training (paper, 4.1).
-rounds = 8
-label_rounds = '${rounds}'  # 1: the first labels stay
+_base_ = './rounds.py'
 sigma = 40  # epochs a round
-first_rounds = 1  # rounds that the first labels last
 batch_size = 16
-learning_rate = 1e-3
-val_rounds = 2
 milestones = [80, 160]  # epochs
-
-train_cfg = dict(type='RoundTrainLoop', rounds='${rounds}', sigma='${sigma}', val_rounds='${val_rounds}')
-val_cfg = dict(type='ValLoop')
-test_cfg = dict(type='TestLoop')
-optim_wrapper = dict(
-    type='OptimWrapper',
-    optimizer=dict(type='Adam', lr='${learning_rate}'),
-    clip_grad=dict(max_norm=10.0),
-    accumulative_counts='${accumulate}',
-)
 step_schedule = [dict(type='MultiStepLR', by_epoch=True, milestones='${milestones}', gamma=0.1)]
-# Each period ends with a small step, so that the next labels come from a settled network.
-restart_schedule = [
-    dict(
-        type='CosineRestartLR',
-        by_epoch=True,
-        convert_to_iter_based=True,
-        periods='${periods}',
-        restart_weights='${restart_weights}',
-        eta_min=5e-5,
-    )
-]
-periods = [40, 40, 40, 40, 40, 40, 40, 40]  # epochs
-restart_weights = [1, 1, 1, 1, 1, 1, 1, 1]
-param_scheduler = '${step_schedule}'
+periods = [40, 40, 40, 40, 40, 40, 40, 40]  # epochs, of the restart schedule
 
 # What --demo changes: embedded synthetic data, a smaller network, fewer epochs.
 demo = dict(
