@@ -35,7 +35,7 @@ class ScenePreprocessor(BaseDataPreprocessor):
     In: ``inputs`` = dict of lists: ``points`` (n, D) and, with an augmented view, ``aug_points`` (m, D) with
     ``aug_index`` (m,), the row of ``points`` that each augmented point was. Out: ``inputs`` = dict of ``points``
     (N, D), ``batch_offsets`` (B + 1,), and ``aug_points``, ``aug_batch_offsets``, ``aug_index`` (rows of the joined
-    ``points``).
+    ``points``); the latter are left out where no scene of the batch has a point in its augmented view.
     """
 
     def forward(self, data: Any, training: bool = False) -> dict[str, Any]:
@@ -50,6 +50,7 @@ class ScenePreprocessor(BaseDataPreprocessor):
         joined = {'points': points, 'batch_offsets': offsets}
         if 'aug_points' in inputs:
             self._check_view(inputs)
+        if any(len(view) for view in inputs.get('aug_points', ())):
             joined['aug_points'], joined['aug_batch_offsets'] = join_scenes(inputs['aug_points'])
             shifted = [rows + first for rows, first in zip(inputs['aug_index'], offsets[:-1], strict=True)]
             joined['aug_index'] = torch.cat(shifted)

@@ -240,6 +240,14 @@ def test_equal_generators_give_equal_views_and_the_scene_stays():
     np.testing.assert_array_equal(one['points'], item()['points'])
 
 
+def test_some_scenes_get_no_second_view():
+    half = AugmentedView(prob=0.5)
+    sizes = [len(half(item(6) | {'rng': np.random.default_rng(seed)})['aug_points']) for seed in range(200)]
+    assert 70 < sizes.count(0) < 130
+    assert half(item(6) | {'rng': np.random.default_rng(sizes.index(0))})['aug_index'].shape == (0,)
+    assert len(AugmentedView(prob=0.0)(item(6))['aug_points']) == 0
+
+
 @pytest.mark.parametrize(
     'options',
     [

@@ -9,7 +9,7 @@ from rm3d_plugin.structures import SceneError, SceneSample
 def item(n, rows=None):
     inputs = {'points': torch.arange(4.0 * n).reshape(n, 4)}
     if rows is not None:
-        inputs.update(aug_points=inputs['points'][rows], aug_index=torch.tensor(rows))
+        inputs.update(aug_points=inputs['points'][rows], aug_index=torch.tensor(rows, dtype=torch.int64))
     return {'inputs': inputs, 'data_samples': SceneSample()}
 
 
@@ -27,6 +27,13 @@ def test_without_view_and_empty_scene():
     out = ScenePreprocessor()(pseudo_collate([item(0), item(1)]))
     assert set(out['inputs']) == {'points', 'batch_offsets'}
     assert out['inputs']['batch_offsets'].tolist() == [0, 0, 1]
+
+
+def test_a_batch_whose_views_are_all_empty_has_none():
+    out = ScenePreprocessor()(pseudo_collate([item(3, []), item(2, [])]))
+    assert set(out['inputs']) == {'points', 'batch_offsets'}
+    one = ScenePreprocessor()(pseudo_collate([item(3, []), item(2, [1])]))['inputs']
+    assert one['aug_batch_offsets'].tolist() == [0, 0, 1] and one['aug_index'].tolist() == [4]
 
 
 def test_bad_view():
