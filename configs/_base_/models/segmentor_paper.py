@@ -11,10 +11,12 @@ model = dict(
     aug_loss='${aug_loss}',
     dice_loss='${dice_loss}',
     thing_classes='${thing_classes}',
+    inference=dict(first_angle='${first_angle}'),
 )
 voxel_size = 0.02  # m
 widths = [16, 32, 48, 64, 80, 96, 112]
 blocks = 2
+first_angle = 0.0  # degrees by which a scene is turned before it is predicted
 use_coordinates = False  # True: the place in the scene too; crops then differ from whole scenes
 use_columns = '${point_columns}'  # []: a network that sees shapes only
 class_balance = 'none'  # 'frequency': by the revealed labels; 'batch': by the labels of a batch

@@ -13,7 +13,7 @@ from rm3d_plugin.models.heads.point_labels import PointLabels, join_point_labels
 from rm3d_plugin.models.segmentors.chunks import Chunk, Progress
 from rm3d_plugin.models.segmentors.instance_dice import soft_instance_masks
 from rm3d_plugin.models.segmentors.point_inputs import PointInputs, point_inputs
-from rm3d_plugin.models.segmentors.scene_inference import Predict, SceneInference, average_views, view_matrices
+from rm3d_plugin.models.segmentors.scene_inference import Predict, SceneInference, average_views
 from rm3d_plugin.models.segmentors.scene_instances import scene_instances
 from rm3d_plugin.models.view_statistics import kept_statistics
 from rm3d_plugin.registry import MODELS
@@ -209,7 +209,7 @@ class RM3DSegmentor(BaseModel):
         """The same for a scene in chunks, from each of the views."""
         if not chunks:
             return self._joined(self.network({'points': points, 'batch_offsets': points.new_zeros(2).long()})).cpu()
-        views = view_matrices(1) if self.predict_points else self.inference.views
+        views = self.inference.one_view if self.predict_points else self.inference.views
         return average_views(points, views, chunks, self._look, self.num_classes, self.progress)
 
     def _look(self, points: Tensor) -> Predict:

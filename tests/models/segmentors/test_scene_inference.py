@@ -98,6 +98,21 @@ def test_pseudo_labels_are_predicted_from_one_side():
     torch.testing.assert_close(sample.pred_point_probs, other.pred_point_probs, atol=1e-6, rtol=0)
 
 
+def test_the_first_angle_turns_every_view_and_is_the_same_as_a_turned_scene():
+    np.testing.assert_allclose(view_matrices(2, 'none', 30.0)[0][:2, 0], [3**0.5 / 2, 0.5], atol=1e-15)
+    np.testing.assert_allclose(view_matrices(2, 'none', 30.0)[1][:2, 0], [-(3**0.5) / 2, -0.5], atol=1e-15)
+    item = make_room(0)
+    turned_item = {**item, 'inputs': {'points': turn(item['inputs']['points'], view_matrices(1, 'none', 30.0)[0])}}
+    model, plain = build(inference=dict(first_angle=30.0)), build()
+    (sample,), (other,) = predict(model, item), predict(plain, turned_item)
+    torch.testing.assert_close(sample.pred_point_probs, other.pred_point_probs, atol=1e-6, rtol=0)
+    centers = turn(sample.pred_point_centers, view_matrices(1, 'none', 30.0)[0])  # found in the scene's own frame
+    torch.testing.assert_close(centers, other.pred_point_centers, atol=1e-5, rtol=0)
+    assert not torch.equal(predict(plain, item)[0].pred_point_probs, sample.pred_point_probs)
+    model.predict_points = True  # the next labels come from the same side
+    torch.testing.assert_close(predict(model, item)[0].pred_point_probs, sample.pred_point_probs)
+
+
 def test_a_large_scene_is_never_held_by_the_network():
     seen, points = [], torch.rand(200_000, 3) * torch.tensor([80.0, 50.0, 3.0])
     inference = SceneInference(max_points=20_000)
@@ -122,6 +137,7 @@ def test_a_large_scene_is_never_held_by_the_network():
         (dict(max_points=0), 'max_points: expected a whole number'),
         (dict(chunk_size=0.0), 'chunk_size: expected metres > 0'),
         (dict(margin=-1.0), 'margin >= 0'),
+        (dict(first_angle=float('nan')), 'first_angle: expected degrees, got nan'),
     ],
 )
 def test_bad_settings_are_told(settings, told):
