@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 from mmengine.config import Config
 from mmengine.registry import init_default_scope
 
@@ -40,6 +40,7 @@ FIXED = (
     'mixed_regions',
     'near_place',
     'near_color',
+    'spread_color',
     'hold_in',
     'hold_in_margin',
 )
@@ -153,13 +154,21 @@ def decide_again(
     grouped = Grouped(result, groups, points, point_values(record.ranges, record.point_region, 0.0))
     grouped = apply_quota(grouped, strategy, record.round)
     draft = draft_of(grouped)
-    if record.strategy.mixed_regions == 'nearest':  # no threshold has a say in them
-        revealed = np.where(stored.point_is_true, stored.semantic, UNLABELLED)
-        mixed = np.isin(record.point_region, mixed_regions(record.point_region, revealed))
-        draft = overlay(draft, mixed, stored.semantic, draft.confidence)
+    draft = overlay(draft, _told_by_point(record, stored), stored.semantic, draft.confidence)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, stored.point_is_true, stored.semantic, 1.0)
     return Decided(result, draft.semantic)
+
+
+def _told_by_point(record: RefreshRecord, stored: PseudoLabels) -> Bool[np.ndarray, ' points']:
+    """Points whose revealed neighbours decided one by one, so that no threshold of merging has a say in them."""
+    if record.strategy.spread_color is not None:
+        told = np.unique(record.point_region[stored.point_is_true])
+    elif record.strategy.mixed_regions == 'nearest':
+        told = mixed_regions(record.point_region, np.where(stored.point_is_true, stored.semantic, UNLABELLED))
+    else:
+        told = np.zeros(0, dtype=np.int64)
+    return np.isin(record.point_region, told[told >= 0])
 
 
 def compare(

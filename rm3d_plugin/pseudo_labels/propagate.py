@@ -284,17 +284,18 @@ def mixed_regions(
     return np.asarray(regions[classes > 1], dtype=np.int64)
 
 
-def nearest_true_classes(
+def nearest_seeds(
     xyz: Float[np.ndarray, 'points 3'],
     colors: Float[np.ndarray, 'points 3'] | None,
     region_labels: Int[np.ndarray, ' points'],
     true_labels: Int[np.ndarray, ' points'],
     place: float,
     color: float,
+    regions: Int[np.ndarray, ' asked'] | None = None,
 ) -> Int[np.ndarray, ' points']:
-    """In regions that hold true labels of several classes: the class of the labelled point that is nearest and alike.
+    """The labelled point of its own region that is nearest to each point and alike.
 
-    A majority would give the window in a wall to the wall. The distance is that of (xyz / place, colour / color).
+    The distance is that of (xyz / place, colour / color).
 
     Args:
         xyz: Metres.
@@ -303,18 +304,74 @@ def nearest_true_classes(
         true_labels: True class of each point, -1 = unknown.
         place: Metres that count as much as ``color``.
         color: Difference of colour that counts 1; larger: place decides.
+        regions: Only these regions, which all hold a true label; None: all that do.
 
     Returns:
-        (N,) int64; -1 for points of regions whose true labels agree, or that hold none.
+        (N,) int64; -1 for points of other regions.
     """
-    out = np.full(len(xyz), UNLABELLED, dtype=np.int64)
+    out = np.full(len(xyz), -1, dtype=np.int64)
     where = xyz / place if colors is None else np.concatenate([xyz / place, colors / color], axis=1)
-    mixed = mixed_regions(region_labels, true_labels)
+    if regions is None:
+        regions = np.unique(region_labels[(true_labels >= 0) & (region_labels >= 0)])
     order = np.argsort(region_labels, kind='stable')
-    bounds = np.searchsorted(region_labels[order], np.stack([mixed, mixed + 1], axis=1).reshape(-1))
+    bounds = np.searchsorted(region_labels[order], np.stack([regions, regions + 1], axis=1).reshape(-1))
     for first, last in bounds.reshape(-1, 2).tolist():
         members = order[first:last]
         own = members[true_labels[members] >= 0]
         _, nearest = cKDTree(where[own]).query(where[members])
-        out[members] = true_labels[own[nearest]]
+        out[members] = own[nearest]
     return out
+
+
+def nearest_true_classes(
+    region_labels: Int[np.ndarray, ' points'],
+    true_labels: Int[np.ndarray, ' points'],
+    seeds: Int[np.ndarray, ' points'],
+) -> Int[np.ndarray, ' points']:
+    """In regions that hold true labels of several classes: the class of the labelled point that is nearest and alike.
+
+    A majority would give the window in a wall to the wall.
+
+    Args:
+        region_labels: Region of each point, -1 = none.
+        true_labels: True class of each point, -1 = unknown.
+        seeds: Labelled point for each point, see :func:`nearest_seeds`.
+
+    Returns:
+        (N,) int64; -1 for points of regions whose true labels agree, or that hold none.
+    """
+    mixed = np.isin(region_labels, mixed_regions(region_labels, true_labels))
+    return np.where(mixed, np.append(true_labels, UNLABELLED)[seeds], UNLABELLED).astype(np.int64)
+
+
+def unlike_seed(
+    colors: Float[np.ndarray, 'points 3'], seeds: Int[np.ndarray, ' points'], limit: float
+) -> Bool[np.ndarray, ' points']:
+    """Points that differ in colour from their labelled point (see :func:`nearest_seeds`) by more than the limit."""
+    return np.asarray((seeds >= 0) & (np.linalg.norm(colors - colors[seeds], axis=1) > limit))
+
+
+def confident_parts(
+    probabilities: Float[np.ndarray, 'points classes'],
+    region_labels: Int[np.ndarray, ' points'],
+    part: Bool[np.ndarray, ' points'],
+    gamma: float,
+) -> tuple[Int[np.ndarray, ' points'], Float[np.ndarray, ' points']]:
+    """Rule (b) for a part of each region: the class that the network gives it with confidence.
+
+    Args:
+        probabilities: (N, C) softmax; NaN or zero rows where the network saw nothing.
+        region_labels: Region of each point, -1 = none.
+        part: Points that count.
+        gamma: Mean softmax over the part of a region that its class needs.
+
+    Returns:
+        (N,) class, -1 where no class is confident and outside the part, and (N,) confidence, 0 there.
+    """
+    count = int(region_labels.max(initial=-1)) + 1
+    pooled = pool_rows(probabilities, seen_rows(probabilities) & part, region_labels, count).values
+    peak = np.nan_to_num(pooled).max(axis=1, initial=0.0)
+    classes = np.where(peak >= gamma, np.nan_to_num(pooled).argmax(axis=1) if pooled.size else 0, UNLABELLED)
+    inside = np.where(part, region_labels, -1)
+    found = point_values(classes.astype(np.int64), inside, UNLABELLED)
+    return found, np.where(found >= 0, point_values(peak, inside, 0.0), 0.0)

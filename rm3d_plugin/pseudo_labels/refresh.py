@@ -28,11 +28,15 @@ from rm3d_plugin.pseudo_labels.objects import (
     find_objects,
 )
 from rm3d_plugin.pseudo_labels.propagate import (
+    confident_parts,
+    mixed_regions,
     nearest_instances,
+    nearest_seeds,
     nearest_true_classes,
     point_values,
     seen_rows,
     split_mixed,
+    unlike_seed,
     without_doubtful,
 )
 from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_by_boxes, known_points
@@ -159,7 +163,8 @@ def refresh_points(
     """Point labels of one scene of a segmentation run: classes and instances, no boxes.
 
     A group that holds revealed points takes their majority class (or each point of a region with several classes takes
-    that of a near one, see ``strategy.mixed_regions``), and each of its points the instance of the nearest of them.
+    that of a near one, see ``strategy.mixed_regions``; points of quite another colour may be left out, see
+    ``strategy.spread_color``), and each of its points the instance of the nearest of them.
     Other groups take the class that the network gives them with confidence, and are one instance each.
 
     Args:
@@ -185,10 +190,7 @@ def refresh_points(
     grouped = group_regions(prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts)
     grouped = apply_quota(grouped, strategy, round)
     draft = draft_of(grouped)
-    if strategy.mixed_regions == 'nearest':
-        places = (strategy.near_place, strategy.near_color)
-        own = nearest_true_classes(xyz, prepared_cloud.colors, regions.labels, truth.semantic, *places)
-        draft = overlay(draft, own >= 0, own, draft.confidence)
+    draft = _near_and_alike(draft, prepared_cloud, regions, truth, probabilities, strategy)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes)
@@ -202,6 +204,33 @@ def refresh_points(
         complete=weak.complete,
     )
     return RefreshResult(labels, grouped.merge, _stats(labels, grouped))
+
+
+def _near_and_alike(
+    draft: Draft,
+    cloud: PointCloud,
+    regions: Regions,
+    truth: Truth,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+    strategy: MergeStrategy,
+) -> Draft:
+    """What the revealed points of a region say of its points one by one, where the strategy asks for that."""
+    colors = cloud.colors
+    limit = None if colors is None else strategy.spread_color
+    if strategy.mixed_regions == 'majority' and limit is None:
+        return draft
+    asked = mixed_regions(regions.labels, truth.semantic) if limit is None else None
+    places = (strategy.near_place, strategy.near_color)
+    seeds = nearest_seeds(cloud.xyz, colors, regions.labels, truth.semantic, *places, asked)
+    if strategy.mixed_regions == 'nearest':
+        own = nearest_true_classes(regions.labels, truth.semantic, seeds)
+        draft = overlay(draft, own >= 0, own, draft.confidence)
+    if colors is not None and limit is not None:
+        unlike = unlike_seed(colors, seeds, limit)
+        draft = overlay(draft, unlike, UNLABELLED, 0.0)
+        if probabilities is not None:
+            draft = overlay(draft, unlike, *confident_parts(probabilities, regions.labels, unlike, strategy.gamma))
+    return draft
 
 
 def _class_limits(given: tuple[float, ...], classes: int) -> Float[np.ndarray, ' classes']:

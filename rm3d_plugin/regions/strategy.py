@@ -60,8 +60,11 @@ class MergeStrategy:
         quota_ranges: Lower ends of range bins, metres from the sensor, each with a quota of its own; (): one bin.
         mixed_regions: What a region with true labels of several classes spreads: their 'majority' (METHOD 1), or to
             each point the class of the labelled point 'nearest' to it in place and colour.
-        near_place: Metres that count as much as ``near_color`` in that.
+        near_place: Metres that count as much as ``near_color`` in that, and in the next.
         near_color: RGB difference, of 1, that counts as much as ``near_place``.
+        spread_color: RGB difference, of 1, from the near and alike revealed point of a region up to which its points
+            take a revealed class; the rest of the region asks the network. Smaller: fewer and purer labels. None: no
+            limit. Segmentation of coloured scans only.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
             neither trained on nor used for merging; 0: no check. Segmentation only.
         hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
@@ -98,6 +101,7 @@ class MergeStrategy:
     mixed_regions: MixedRegions = 'majority'
     near_place: float = 0.5
     near_color: float = 0.16
+    spread_color: float | None = None
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
 
@@ -114,6 +118,8 @@ class MergeStrategy:
         self._check('mixed_regions', self.mixed_regions in get_args(MixedRegions), f'one of {get_args(MixedRegions)}')
         for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
+        limit = self.spread_color
+        self._check('spread_color', limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
         self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
         self._check('quota', self.quota is None or 0 < self.quota <= 1, 'a share in (0, 1], or None')

@@ -8,11 +8,21 @@ from pseudo_labels.patches import make_patches
 
 from rm3d_plugin.engine.replay import decide_again
 from rm3d_plugin.pseudo_labels import refresh_points
-from rm3d_plugin.pseudo_labels.propagate import mixed_regions, nearest_true_classes
+from rm3d_plugin.pseudo_labels.propagate import (
+    confident_parts,
+    mixed_regions,
+    nearest_seeds,
+    unlike_seed,
+)
+from rm3d_plugin.pseudo_labels.propagate import nearest_true_classes as classes_by_seeds
 from rm3d_plugin.regions import MergeLedger, MergeStrategy
 from rm3d_plugin.structures import PointCloud, Regions
 
 NEAREST = MergeStrategy(mixed_regions='nearest', gamma=0.5, rounds=4)
+
+
+def nearest_true_classes(xyz, colors, region, truth, place, color):
+    return classes_by_seeds(region, truth, nearest_seeds(xyz, colors, region, truth, place, color))
 
 
 def by_hand(where, regions, truth):
@@ -84,6 +94,51 @@ def test_only_mixed_regions_change_and_a_replay_keeps_them():
     assert (decide_again(ledger, nearest.labels, None).semantic == nearest.labels.semantic).all()
 
 
+def test_a_picture_does_not_name_the_wall_around_it():
+    x = np.arange(6.0)
+    xyz = np.stack([x, 0 * x, 0 * x], axis=1)
+    colors = np.array([[0.9, 0.2, 0.1]] * 2 + [[0.5, 0.5, 0.5]] * 4)
+    truth = np.array([3, -1, -1, -1, -1, -1])
+    region = np.array([0, 0, 0, 0, 1, -1])
+    seeds = nearest_seeds(xyz, colors, region, truth, 0.5, 0.16)
+    assert seeds.tolist() == [0, 0, 0, 0, -1, -1]
+    unlike = unlike_seed(colors, seeds, 0.3)
+    assert unlike.tolist() == [False, False, True, True, False, False]
+    rows = np.array([[0.9, 0.1], [0.9, 0.1], [0.2, 0.8], [0.4, 0.6], [0.0, 1.0], [np.nan, np.nan]])
+    classes, confidence = confident_parts(rows, region, unlike, 0.7)
+    assert classes.tolist() == [-1, -1, 1, 1, -1, -1]
+    np.testing.assert_allclose(confidence, [0, 0, 0.7, 0.7, 0, 0])
+    assert confident_parts(rows, region, unlike, 0.71)[0].tolist() == [-1] * 6
+    assert confident_parts(np.full((6, 2), np.nan), region, unlike, 0.5)[0].tolist() == [-1] * 6
+
+
+def test_points_of_another_colour_wait_for_the_network_and_a_replay_keeps_that():
+    patches = make_patches(1, revealed=0.05)
+    rng = np.random.default_rng(0)
+    colors = np.where(rng.random(len(patches.truth))[:, None] < 0.5, 0.2, 0.8) * np.ones(3)
+    cloud = PointCloud(patches.cloud.xyz, colors=colors)
+    strategy = replace(NEAREST, spread_color=0.3, gamma=0.9)
+
+    def refresh(probabilities, previous, round):
+        scene = (cloud, patches.regions, patches.graph, patches.weak)
+        return refresh_points(*scene, probabilities, None, previous, strategy, round, patches.counts, (0,))
+
+    first = refresh(None, None, 0).labels
+    places = (strategy.near_place, strategy.near_color)
+    seeds = nearest_seeds(cloud.xyz, colors, patches.regions.labels, patches.weak.semantic, *places)
+    unlike = unlike_seed(colors, seeds, 0.3)
+    assert unlike.any() and (first.semantic[unlike] == -1).all() and (first.semantic[(seeds >= 0) & ~unlike] >= 0).all()
+    sure = np.eye(len(patches.counts))[np.where(unlike, 1, 0)]
+    second = refresh(sure, first, 1)
+    assert (second.labels.semantic[unlike] == 1).all()
+    kept = first.semantic >= 0
+    assert (second.labels.semantic[kept] == first.semantic[kept]).all()
+    ledger = MergeLedger.from_arrays(second.merge.ledger.to_arrays())
+    assert (decide_again(ledger, second.labels, first).semantic == second.labels.semantic).all()
+
+
 def test_the_choice_is_checked():
+    with pytest.raises(ValueError, match=r'MergeStrategy\.spread_color'):
+        MergeStrategy(spread_color=0.0)
     with pytest.raises(ValueError, match=r'MergeStrategy\.mixed_regions'):
         MergeStrategy(mixed_regions='both')
