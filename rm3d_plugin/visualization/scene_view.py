@@ -135,7 +135,10 @@ def pack_views(
 
 def view_block(packed: dict[str, Any]) -> str:
     """HTML of the view: controls, canvas, data and script; at most one a page."""
-    titles = ''.join(f'<option value="{i}">{escape(s["title"])}</option>' for i, s in enumerate(packed['scenes']))
+    scenes = packed['scenes']
+    no_truth = '' if any(layer['role'] == 'truth' for scene in scenes for layer in scene['layers']) else ' hidden'
+    no_marks = '' if any(scene['marked'] for scene in scenes) else ' hidden'
+    titles = ''.join(f'<option value="{i}">{escape(s["title"])}</option>' for i, s in enumerate(scenes))
     data = json.dumps(packed, separators=(',', ':'), ensure_ascii=False).replace('<', '\\u003c')
     return (
         '<div class="view" id="view">\n'
@@ -145,8 +148,8 @@ def view_block(packed: dict[str, Any]) -> str:
         '<p class="told" id="view-told" aria-live="polite">&nbsp;</p>\n'
         '<div class="bar"><label>Show up to <input type="range" id="view-cut" min="1" max="100"> of the height</label>'
         '<label>Point size <input type="range" id="view-size" min="1" max="8" value="3"></label>'
-        '<label><input type="checkbox" id="view-fade"> fade what is right</label>'
-        '<label><input type="checkbox" id="view-marks" checked> mark revealed points</label>'
+        f'<label{no_truth}><input type="checkbox" id="view-fade"> fade what is right</label>'
+        f'<label{no_marks}><input type="checkbox" id="view-marks" checked> mark revealed points</label>'
         '<button type="button" id="view-reset">Reset</button></div>\n'
         '<ul class="legend" id="view-legend"></ul>\n'
         '<p class="note">Click into the view, then: drag turns, with shift or two fingers moves, wheel or pinch zooms; '

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from rm3d_plugin.visualization.palette import class_color
 
 MARKERS = ('o', 's', '^', 'D', 'v', 'P', 'X', '*')
-DASHES = ('-', '--')  # after eight lines colours repeat
+DASHES = ('-', '--')  # the second eight lines, whose colours are less safe to tell apart, are dashed
 
 
 class BarPanel(NamedTuple):
