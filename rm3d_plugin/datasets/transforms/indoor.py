@@ -38,7 +38,11 @@ def crop_rows(
         distance = gap[:, :2].max(axis=1)
     else:
         distance = np.square(gap[:, : 3 if shape == 'sphere' else 2]).sum(axis=1)
-    return np.sort(np.argsort(distance, kind='stable')[:max_points])
+    if max_points >= len(distance):
+        return np.arange(len(distance))
+    last = np.partition(distance, max_points - 1)[max_points - 1]  # faster than to sort them all
+    nearer, ties = np.flatnonzero(distance < last), np.flatnonzero(distance == last)
+    return np.sort(np.concatenate([nearer, ties[: max_points - len(nearer)]]))
 
 
 @TRANSFORMS.register_module()
