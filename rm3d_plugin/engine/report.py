@@ -22,6 +22,7 @@ from rm3d_plugin.visualization import (
     BudgetSummary,
     MergeReport,
     Picture,
+    RoundTime,
     RunReport,
     draw_bev,
     scene_panels,
@@ -74,6 +75,7 @@ def run_report(
     seconds: Mapping[str, float],
     views: Mapping[str, Any] | None = None,
     merges: MergeReport | None = None,
+    times: Sequence[RoundTime] = (),
 ) -> RunReport:
     """Everything the page shows; ``views`` and ``merges`` in segmentation only."""
     rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
@@ -95,4 +97,5 @@ def run_report(
         config={key: config[key] for key in SHOWN_KEYS if key in config},
         config_text=config.pretty_text,
         seconds=seconds,
+        times=times,
     )

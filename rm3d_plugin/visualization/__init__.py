@@ -12,6 +12,7 @@ from rm3d_plugin.visualization.report import (
     write_report,
 )
 from rm3d_plugin.visualization.report_merges import MergeReport, MergeRow
+from rm3d_plugin.visualization.report_times import RoundTime
 from rm3d_plugin.visualization.scene_view import Layer, SceneView, pack_views
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     'MergeRow',
     'Picture',
     'ResultRow',
+    'RoundTime',
     'RunReport',
     'ScoreTable',
     'Series',

@@ -19,8 +19,8 @@ from rm3d_plugin.visualization.report_sections import (
     score_section,
     section,
     summary_section,
-    time_section,
 )
+from rm3d_plugin.visualization.report_times import RoundTime, time_section
 from rm3d_plugin.visualization.scene_view import view_block
 
 
@@ -87,7 +87,8 @@ class RunReport:
         merges: Strongest and weakest merges of the last round.
         config: Settings by name.
         config_text: The whole resolved config.
-        seconds: Wall-clock seconds by stage.
+        seconds: Wall-clock seconds by stage; they add up.
+        times: What each round took.
     """
 
     title: str
@@ -105,6 +106,7 @@ class RunReport:
     config: Mapping[str, Any] = field(default_factory=dict)
     config_text: str = ''
     seconds: Mapping[str, float] = field(default_factory=dict)
+    times: Sequence[RoundTime] = ()
 
 
 def render_report(run: RunReport) -> str:
@@ -120,7 +122,7 @@ def render_report(run: RunReport) -> str:
         '' if run.views is None else section('turn', 'Scenes to turn', view_block(dict(run.views))),
         picture_section(run.pictures),
         '' if run.merges is None else merge_section(run.merges),
-        time_section(run.seconds),
+        time_section(run.seconds, run.times),
         config_section(run.config, run.config_text),
     ]
     return page(run.title, run.synthetic, run.notes, [part for part in sections if part])

@@ -90,17 +90,6 @@ def picture_section(pictures: Sequence[tuple[str, bytes]]) -> str:
     return section('scenes', 'Scenes from above', figures)
 
 
-def time_section(seconds: Mapping[str, float]) -> str:
-    """Where the time went."""
-    if not seconds:
-        return ''
-    total = sum(seconds.values())
-    body = [[escape(k), duration(v), percent(v / total if total else None, 0)] for k, v in seconds.items()]
-    body.append(['all', duration(total), percent(1.0 if total else None, 0)])
-    content = table(['Stage', 'Time', 'Share'], body, 'Wall-clock time', 1, [len(body) - 1])
-    return section('time', 'Time', content)
-
-
 def config_section(settings: Mapping[str, Any], text: str) -> str:
     """The settings that matter, the whole config behind a fold."""
     if not settings and not text:

@@ -1,5 +1,6 @@
 """When labels are made: counted with a mock runner, and in a real run."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,8 @@ import torch
 from engine import tiny_runs
 
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook, point_prediction
-from rm3d_plugin.storage import LabelStore
+from rm3d_plugin.engine.round_times import RoundTimes
+from rm3d_plugin.storage import LabelStore, read_json
 from rm3d_plugin.structures import SceneSample
 
 
@@ -63,9 +65,14 @@ class Model(torch.nn.Module):
         return [sample]
 
 
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
 def epochs(hook, labeler, first, last) -> list[list[tuple[Any, ...]]]:
     """Run epochs first..last - 1 of a runner without data; what the labeler was asked in each."""
-    runner = SimpleNamespace(epoch=first, seed=5, model=Model(), logger=SimpleNamespace(info=print))
+    runner = SimpleNamespace(epoch=first, seed=5, model=Model(), logger=SimpleNamespace(info=print), work_dir='.')
     runner.build_dataloader = lambda loader, seed: loader if seed == 5 else None
     hook.before_train(runner)
     out = []
@@ -74,6 +81,7 @@ def epochs(hook, labeler, first, last) -> list[list[tuple[Any, ...]]]:
         runner.model.train()
         hook.before_train_epoch(runner)
         assert not runner.model.predict_points
+        hook.after_train_epoch(runner)
         out.append(list(labeler.events))
     return out
 
@@ -89,6 +97,8 @@ def test_every_interval_epochs_a_new_round_until_there_are_enough():
     kept = [[('use', 2)]] * 3
     assert asked == [[('use', 0)]] * 2 + [refreshed(1), [('use', 1)], refreshed(2), *kept]
     assert hook.seconds > 0
+    assert [row.round for row in hook.times.rounds()] == [0, 1, 2]
+    assert [entry['round'] for entry in read_json('timing.json')['epochs'].values()] == [0, 0, 1, 1, 2, 2, 2, 2]
 
 
 def test_before_training_the_first_labels_are_made_and_the_model_is_told_sizes():
@@ -146,6 +156,16 @@ def test_a_sample_may_leave_out_centres_and_indices_but_not_probabilities():
 def test_numbers_start_at_one(field):
     with pytest.raises(ValueError, match=f'RegionMergeHook.{field}: expected at least 1, got 0'):
         RegionMergeHook(**{'interval': 1, 'labeler': CountingLabeler(), 'dataloader': [], field: 0})
+
+
+def test_a_run_tells_what_its_labels_cost(finished):
+    first, second = RoundTimes(finished.folder, epoch=2).rounds()
+    assert (first.round, second.round) == (0, 1) and first.predicting == 0
+    assert second.labels > second.predicting > 0 and second.training > 0 and 0 < second.share < 20
+    assert re.search(r'labels of round 1 took [\d.]+ s, \d+ % of the training before', finished.log)
+    page = (finished.folder / 'report.html').read_text()
+    assert 'Labels / training' in page and f'{100 * second.share:.1f} %' in page
+    assert 'timing' not in (finished.folder / 'metrics.json').read_text()  # equal runs leave equal records
 
 
 def test_a_real_run_of_two_rounds_refreshes_each_scene_once_a_round(finished):

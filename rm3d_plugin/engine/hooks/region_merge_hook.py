@@ -1,6 +1,5 @@
 """Regenerates the pseudo labels every sigma epochs."""
 
-import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -12,6 +11,7 @@ from mmengine.runner import Runner
 from tqdm import tqdm
 
 from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction
+from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
 from rm3d_plugin.structures import Boxes3D
 
@@ -31,6 +31,10 @@ class RegionMergeHook(Hook):
         first_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
             has seen more, which counts where few labels are revealed or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
+
+    Attributes:
+        seconds: Wall clock, spent on labels by this process.
+        times: What each round took, kept in ``timing.json``.
     """
 
     priority = 'HIGH'
@@ -50,12 +54,16 @@ class RegionMergeHook(Hook):
         self.rounds = rounds
         self.first_rounds = first_rounds
         self.dataloader = dataloader
-        self.seconds = 0.0  # spent on labels by this process
+        self.seconds = 0.0
+        self.times: RoundTimes
+        self._predicting = Seconds()
+        self._epoch = Stopwatch()
         self.labeler: BaseLabeler = TASK_UTILS.build(labeler) if isinstance(labeler, dict) else labeler
 
     def before_train(self, runner: Runner) -> None:
         """Prepare the geometry, make the first labels, and tell the model the sizes of the revealed boxes."""
-        began = time.perf_counter()
+        watch = Stopwatch()
+        self.times = RoundTimes(runner.work_dir, runner.epoch)
         if isinstance(self.dataloader, Mapping) and self.dataloader['sampler']['type'] == 'DefaultSampler':
             self.dataloader['sampler'].setdefault('round_up', False)  # each scene goes to one process
         self.dataloader = runner.build_dataloader(self.dataloader, seed=runner.seed)
@@ -63,19 +71,42 @@ class RegionMergeHook(Hook):
             self.labeler.start(keep=runner.epoch > 0, log=runner.logger.info)
         barrier()
         self.labeler.inform(_unwrapped(runner.model))
-        self.seconds += time.perf_counter() - began
+        self._labels_took(0, watch.read(), runner.epoch == 0)
 
     def before_train_epoch(self, runner: Runner) -> None:
         """Refresh the labels when a round begins; point the store at the round of this epoch."""
-        number = min(max(runner.epoch // self.interval - self.first_rounds + 1, 0), self.rounds - 1)
+        number = self._round_of(runner.epoch)
         starts = runner.epoch % self.interval == 0
         if number and starts and not self.labeler.is_finished(number):
-            began = time.perf_counter()
+            watch, self._predicting = Stopwatch(), Seconds()
             self._refresh(runner, number)
-            self.seconds += time.perf_counter() - began
+            self._labels_took(number, watch.read(), True)
+            self._tell(number, runner)
         barrier()
         self.labeler.use(number)
         barrier()  # nobody reads labels before the main process has said which
+        self._epoch = Stopwatch()
+
+    def after_train_epoch(self, runner: Runner) -> None:
+        """Note what the epoch took."""
+        if is_main_process():
+            self.times.epoch(runner.epoch + 1, self._round_of(runner.epoch), self._epoch.read())
+
+    def _round_of(self, epoch: int) -> int:
+        """Whose labels an epoch (from 0) is trained on."""
+        return min(max(epoch // self.interval - self.first_rounds + 1, 0), self.rounds - 1)
+
+    def _labels_took(self, number: int, seconds: Seconds, new: bool) -> None:
+        self.seconds += seconds.wall
+        if new and is_main_process():
+            self.times.labels(number, seconds, self._predicting)
+
+    def _tell(self, number: int, runner: Runner) -> None:
+        if not is_main_process():
+            return
+        taken, before = self.times.rounds()[-1], self.times.training(number - 1)
+        share = f', {100 * taken.labels / before.wall:.0f} % of the training before' if before.wall else ''
+        runner.logger.info(f'labels of round {number} took {taken.labels:.1f} s{share}')
 
     def _refresh(self, runner: Runner, number: int) -> None:
         if is_main_process():
@@ -93,8 +124,10 @@ class RegionMergeHook(Hook):
         """What the network says of the scenes of this process, one by one."""
         batches = tqdm(self.dataloader, desc=f'labels, round {number}', disable=not is_main_process())
         for batch in batches:  # the sampler gives each process its share
+            watch = Stopwatch()
             with torch.no_grad():
                 samples = model.test_step(batch)
+            self._predicting = self._predicting.plus(watch.read())
             yield from ((sample.scene_id, point_prediction(sample)) for sample in samples)
 
 

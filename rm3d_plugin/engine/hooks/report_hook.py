@@ -55,7 +55,9 @@ class ReportHook(Hook):
         if not is_main_process() or not merging:
             return
         labeler = merging[0].labeler
-        seconds = {'training, this process': time.perf_counter() - self._began, 'of it labels': merging[0].seconds}
+        times = merging[0].times.rounds()
+        labels = merging[0].seconds
+        seconds = {'labels': labels, 'training and validation': time.perf_counter() - self._began - labels}
         views = merges = None
         if isinstance(labeler, PointLabeler):
             scenes = [*self._train_records(runner, merging[0]), *self._val_records(runner)]
@@ -65,7 +67,7 @@ class ReportHook(Hook):
         else:
             pictures = [*self._train_pictures(runner, merging[0]), *self._val_pictures(runner)]
         record, classes = read_record(runner.work_dir), labeler.source.classes
-        report = run_report(runner.cfg, record, labeler.store, classes, pictures, seconds, views, merges)
+        report = run_report(runner.cfg, record, labeler.store, classes, pictures, seconds, views, merges, times)
         path = write_report(Path(runner.work_dir) / 'report.html', report)
         runner.logger.info(f'report: {path}')
 

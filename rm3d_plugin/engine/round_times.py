@@ -1,0 +1,82 @@
+"""How long labels and training of each round take: ``timing.json`` of the work directory.
+
+It stands apart from ``metrics.json``, which holds nothing that depends on the clock.
+"""
+
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rm3d_plugin.storage import read_json, write_json
+from rm3d_plugin.visualization import RoundTime
+
+
+class Seconds(NamedTuple):
+    """Time that something took: on the wall, and of this process's processors (all threads added up)."""
+
+    wall: float = 0.0
+    cpu: float = 0.0
+
+    def plus(self, other: 'Seconds') -> 'Seconds':
+        """Both together."""
+        return Seconds(self.wall + other.wall, self.cpu + other.cpu)
+
+
+class Stopwatch:
+    """Runs from its making on."""
+
+    def __init__(self) -> None:
+        self._began = time.perf_counter(), time.process_time()
+
+    def read(self) -> Seconds:
+        """Time since it was made."""
+        return Seconds(time.perf_counter() - self._began[0], time.process_time() - self._began[1])
+
+
+class RoundTimes:
+    """What is known so far; written after every change, so an interrupted run keeps what it has.
+
+    Args:
+        folder: The work directory.
+        epoch: Epochs that the run has behind it; what the file says of later ones is forgotten, as they come again.
+    """
+
+    def __init__(self, folder: str | Path, epoch: int = 0) -> None:
+        self.path = Path(folder) / 'timing.json'
+        self._content: dict[str, Any] = {'labels': {}, 'predicting': {}, 'epochs': {}}
+        if epoch and self.path.is_file():
+            self._content = read_json(self.path)
+            self._content['epochs'] = {k: v for k, v in self._content['epochs'].items() if int(k) <= epoch}
+
+    def labels(self, round: int, all_of_it: Seconds, predicting: Seconds) -> None:
+        """The labels of a round were made; ``predicting`` is what the network took of it."""
+        self._content['labels'][str(round)] = all_of_it._asdict()
+        self._content['predicting'][str(round)] = predicting._asdict()
+        write_json(self.path, self._content)
+
+    def epoch(self, number: int, round: int, seconds: Seconds) -> None:
+        """An epoch (from 1) was trained on the labels of a round."""
+        self._content['epochs'][str(number)] = {'round': round, **seconds._asdict()}
+        write_json(self.path, self._content)
+
+    def training(self, round: int) -> Seconds:
+        """Of all epochs on the labels of a round, without validation and checkpoints."""
+        epochs = (entry for entry in self._content['epochs'].values() if entry['round'] == round)
+        return _total(epochs)
+
+    def rounds(self) -> list[RoundTime]:
+        """A row for each round that is known, ascending."""
+        rows = []
+        for name in sorted(self._content['labels'], key=int):
+            labels, training = _total([self._content['labels'][name]]), self.training(int(name))
+            predicting = _total([self._content['predicting'][name]])
+            share = labels.cpu / training.cpu if training.cpu else None
+            rows.append(RoundTime(int(name), labels.wall, predicting.wall, training.wall, share))
+        return rows
+
+
+def _total(entries: Any) -> Seconds:
+    total = Seconds()
+    for entry in entries:
+        total = total.plus(Seconds(entry['wall'], entry['cpu']))
+    return total
