@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
 
 from rm3d_plugin.label_budgets.audit import RevealedPoints
 from rm3d_plugin.label_budgets.base import BudgetError, class_counts
 from rm3d_plugin.label_budgets.point_amount import PointAmount
 from rm3d_plugin.label_budgets.points import PointBudget, RowsOf, SceneSize, checked_budget
+from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.storage.files import read_json, write_json, write_text
 from rm3d_plugin.structures import PointCloud
 
@@ -191,10 +191,8 @@ def _nearest(
     number, distance = np.full(len(places), -1, dtype=np.int64), np.full(len(places), np.inf)
     known = np.isfinite(places).all(axis=1)
     if known.any() and len(xyz):
-        tree = cKDTree(xyz)
-        distance[known] = tree.query(places[known])[0]
-        ties = tree.query_ball_point(places[known], np.nextafter(distance[known], np.inf))
-        number[known] = [min(points) for points in ties]
+        nearest = Octree(xyz).knn(places[known], 1)
+        number[known], distance[known] = nearest.indices[:, 0], np.sqrt(nearest.sq_dists[:, 0])
     return number, distance
 
 
