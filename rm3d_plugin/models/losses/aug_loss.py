@@ -1,6 +1,7 @@
 """L_Aug: predictions of a scene and of its augmented view agree (METHOD 7)."""
 
 import math
+from collections.abc import Callable
 
 import torch
 from jaxtyping import Float
@@ -37,13 +38,14 @@ def mse_aug_loss(logits: Float[Tensor, 'points classes'], other: Float[Tensor, '
     return (logits.softmax(dim=1) - other.softmax(dim=1)).square().sum() / max(logits.numel(), 1)
 
 
-@MODELS.register_module()
-class JSAugLoss(nn.Module):
-    """Weighted :func:`js_aug_loss`.
+class _AugLoss(nn.Module):
+    """A weighted loss between two views of the same points.
 
     Args:
         loss_weight: Factor of the loss; larger: views agree more closely.
     """
+
+    compare: Callable[[Tensor, Tensor], Tensor]
 
     def __init__(self, loss_weight: float = 1.0) -> None:
         super().__init__()
@@ -53,23 +55,18 @@ class JSAugLoss(nn.Module):
         self, logits: Float[Tensor, 'points classes'], logits_aug: Float[Tensor, 'points classes']
     ) -> Float[Tensor, '']:
         """Loss between rows of the same points."""
-        return self.loss_weight * js_aug_loss(logits, logits_aug)
+        return self.loss_weight * self.compare(logits, logits_aug)
 
 
 @MODELS.register_module()
-class MSEAugLoss(nn.Module):
-    """Weighted :func:`mse_aug_loss`.
+class JSAugLoss(_AugLoss):
+    """Weighted :func:`js_aug_loss`."""
 
-    Args:
-        loss_weight: Factor of the loss; larger: views agree more closely.
-    """
+    compare = staticmethod(js_aug_loss)
 
-    def __init__(self, loss_weight: float = 1.0) -> None:
-        super().__init__()
-        self.loss_weight = loss_weight
 
-    def forward(
-        self, logits: Float[Tensor, 'points classes'], logits_aug: Float[Tensor, 'points classes']
-    ) -> Float[Tensor, '']:
-        """Loss between rows of the same points."""
-        return self.loss_weight * mse_aug_loss(logits, logits_aug)
+@MODELS.register_module()
+class MSEAugLoss(_AugLoss):
+    """Weighted :func:`mse_aug_loss`."""
+
+    compare = staticmethod(mse_aug_loss)
