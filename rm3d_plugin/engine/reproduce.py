@@ -37,14 +37,14 @@ class Table:
     labels: bool = False
 
 
-def _rows(kind: str, *budgets: str) -> dict[str, str]:
-    """Weak baseline and RM3D on demo rooms for each budget, then full supervision."""
+def _rows(kind: str, *budgets: str, data: str = 'scannet') -> dict[str, str]:
+    """Weak baseline and RM3D for each budget, then full supervision."""
     named = {'0p2pct': '0.2 % of the points', 'onept': 'a point a class', '20pts': '20 points', '1pct': '1 %'}
     rows = {}
     for budget in budgets:
-        rows[f'labelled points alone ({named[budget]})'] = f'sup_{kind}_scannet_{budget}'
-        rows[f'RM3D ({named[budget]})'] = f'rm3d_{kind}_scannet_{budget}'
-    return rows | {'all points': f'sup_{kind}_scannet_full'}
+        rows[f'labelled points alone ({named[budget]})'] = f'sup_{kind}_{data}_{budget}'
+        rows[f'RM3D ({named[budget]})'] = f'rm3d_{kind}_{data}_{budget}'
+    return rows | {'all points': f'sup_{kind}_{data}_full'}
 
 
 TABLES = {
@@ -71,6 +71,12 @@ TABLES = {
     'rooms-demo-budgets': Table(
         title='mIoU on synthetic rooms, in percent; other budgets',
         configs=_rows('sem', '20pts', '1pct'),
+        scores={'mIoU': 'mIoU'},
+        labels=True,
+    ),
+    'streets-demo': Table(
+        title='mIoU on synthetic streets, in percent',
+        configs=_rows('sem', 'onept', '20pts', '0p2pct', '1pct', data='semantickitti'),
         scores={'mIoU': 'mIoU'},
         labels=True,
     ),
