@@ -16,6 +16,7 @@ from rm3d_plugin.datasets.transforms.outdoor import ClassCrop, LevelGround, clas
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
 from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, select_points
+from rm3d_plugin.datasets.transforms.scan_noise import PointNoise, RandomThinning, noisy_points
 from rm3d_plugin.datasets.transforms.shape_features import ShapeFeatures, shape_columns
 
 __all__ = [
@@ -31,8 +32,10 @@ __all__ = [
     'LevelGround',
     'LimitPoints',
     'PackScene',
+    'PointNoise',
     'RandomCrop',
     'RandomFlipY',
+    'RandomThinning',
     'ShapeFeatures',
     'ViewSettings',
     'augmented_view',
@@ -41,6 +44,7 @@ __all__ = [
     'crop_rows',
     'elastic',
     'flip_y',
+    'noisy_points',
     'pack_scene',
     'rotate_scale',
     'select_points',
