@@ -3,12 +3,15 @@
 import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
+from mmengine.config import Config
 from mmengine.registry import init_default_scope
+from scipy.spatial import cKDTree
 
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
@@ -21,8 +24,16 @@ from rm3d_plugin.structures import UNLABELLED
 BUDGET = '20pts_class'  # at most so many points of a class
 SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
 CONFIGS = Path(__file__).resolve().parents[2] / 'configs'
-SCHEDULE = {'sigma': 50, 'periods': [50, 100]}  # an epoch is one crop
+OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
+SETTINGS = (
+    *('rounds', 'sigma', 'periods', 'restart_weights', 'learning_rate', 'class_power', 'train_pipeline', 'model'),
+    *('voxel_size', 'widths', 'blocks', 'gamma', 'strategy', 'oversegmenter', 'ground_cell', 'checkpoint_interval'),
+)  # those that are about scans with few labels, not about a data set
 METHODS: dict[str, dict[str, Any]] = {'weak': {'spread': False, 'label_rounds': 1}, 'rm3d': {}}
+SCORED = [
+    {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'keep_labels': True},
+    {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'prefix': 'network'},
+]
 
 
 @dataclass(frozen=True)
@@ -46,13 +57,29 @@ class Spread:
 
     Attributes:
         weak: Network trained on the labelled points alone.
+        nearest: Every point as the labelled point nearest to it.
         regions: Regions of the labelled points, no network; what they do not reach is wrong.
-        rm3d: Network trained by the whole method.
+        filled: The same, and what they do not reach as the nearest point that they reach.
+        network: Network trained by the whole method.
+        rm3d: The whole method: points with a label in the last round have it, the network says what the others are.
     """
 
     weak: float
+    nearest: float
     regions: float
+    filled: float
+    network: float
     rm3d: float
+
+
+COLUMNS = {
+    'weak': 'network on the labelled points alone',
+    'nearest': 'nearest labelled point',
+    'regions': 'regions, the rest wrong',
+    'filled': 'regions, the rest as the nearest',
+    'network': "RM3D's network",
+    'rm3d': 'RM3D',
+}
 
 
 def oakland_scans(root: Path) -> list[Scan]:
@@ -67,7 +94,7 @@ def oakland_scans(root: Path) -> list[Scan]:
 
 def semantickitti_scans(root: Path, out: Path) -> list[Scan]:
     """Every labelled SemanticKITTI scan of a folder, each copied into a data set of its own under ``out``."""
-    scans = []
+    scans: list[Scan] = []
     for labels in sorted(root.glob('sequences/*/labels/*.label')):
         sequence, number = labels.parent.parent, labels.stem
         alone = out / f'{sequence.name}_{number}'
@@ -75,15 +102,21 @@ def semantickitti_scans(root: Path, out: Path) -> list[Scan]:
             target = alone / 'sequences' / f'{SEQUENCE:02d}' / part / f'{number}{ending}'
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(sequence / part / f'{number}{ending}', target)
-        options = {'data_root': str(alone), 'train_sequences': [SEQUENCE], 'val_sequences': [SEQUENCE]}
+        options: dict[str, Any] = {'data_root': str(alone), 'train_sequences': [SEQUENCE], 'val_sequences': [SEQUENCE]}
+        if _has_remission(sequence / 'velodyne' / f'{number}.bin'):
+            options |= {'use_intensity': True, 'point_columns': ['intensity', 'shape']}
         scans.append(Scan(f'SemanticKITTI {sequence.name}/{number}', 'rm3d_sem_semantickitti_few_1pct', options))
     return scans
+
+
+def _has_remission(scan: Path) -> bool:
+    return bool(np.fromfile(scan, dtype='<f4')[3::4].any())
 
 
 def propagate(
     scan: Scan, out: Path, options: Mapping[str, Any] | None = None, log: Callable[[str], None] = print
 ) -> Spread:
-    """Train the weak baseline and RM3D on one scan (finished runs are kept), and score all three ways.
+    """Train the weak baseline and RM3D on one scan (finished runs are kept), and score them and what needs no network.
 
     Args:
         scan: Which.
@@ -94,33 +127,57 @@ def propagate(
     scores = {}
     for method, settings in METHODS.items():
         work_dir = out / f'{scan.name.replace(" ", "_").replace("/", "_").lower()}_{method}'
+        config = _config(scan, work_dir, {**settings, **(options or {})})
         if not read_record(work_dir)['final']:
             log(f'{work_dir}: training')
-            train(_config(scan, work_dir, {**settings, **(options or {})}))
-        scores[method] = float(read_record(work_dir)['final']['mIoU'])
-    return Spread(scores['weak'], regions_alone(_config(scan, work_dir, options or {}), work_dir), scores['rm3d'])
+            train(config)
+        scores[method] = read_record(work_dir)['final']
+    alone = without_network(config, work_dir)
+    return Spread(
+        weak=scores['weak']['mIoU'], **alone, network=scores['rm3d']['network/mIoU'], rm3d=scores['rm3d']['mIoU']
+    )
 
 
 def _config(scan: Scan, work_dir: Path, options: Mapping[str, Any]) -> Any:
-    scored = [{'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels'}]
-    keys: dict[str, Any] = {'budget': BUDGET, 'val_evaluator': scored} | SCHEDULE | dict(scan.options) | dict(options)
+    own = Config.fromfile(str(CONFIGS / f'{OWN_SCANS}.py'))
+    keys = {name: own[name] for name in SETTINGS} | {'budget': BUDGET, 'val_evaluator': SCORED}
     init_default_scope(SCOPE)
-    config = load_config(CONFIGS / f'{scan.config}.py', work_dir, options=keys)
+    config = load_config(CONFIGS / f'{scan.config}.py', work_dir, options=keys | dict(scan.options) | dict(options))
     set_threads(int(config.threads))
     return config
 
 
-def regions_alone(config: Any, work_dir: Path) -> float:
-    """How good the first labels of a run are, mIoU in percent: made without a network, on points not revealed."""
+def without_network(config: Any, work_dir: Path) -> dict[str, float]:
+    """How good labels are that need no network, by the columns of :class:`Spread`: mIoU in percent.
+
+    Args:
+        config: Of a run whose scenes are scored.
+        work_dir: Its folder; round 0 of its labels is what regions alone say.
+    """
     with config_errors(config):
         dataset = DATASETS.build({**config.val_dataloader.dataset, 'pipeline': []})
-    store = LabelStore(work_dir / 'labels')
-    counts = np.zeros((len(dataset.classes), len(dataset.classes) + 1), dtype=np.int64)
+    store, classes = LabelStore(work_dir / 'labels'), len(dataset.classes)
+    counts = {name: np.zeros((classes, classes + 1), dtype=np.int64) for name in ('nearest', 'regions', 'filled')}
     for index, scene in enumerate(dataset.scene_ids):
-        labels = store.read(scene, 0)
+        labels, xyz = store.read(scene, 0), dataset.load_cloud(index).xyz
         hidden = np.where(labels.point_is_true, UNLABELLED, dataset.load_truth(index).semantic)
-        counts += confusion_counts(labels.semantic, hidden, len(dataset.classes))
-    return 100 * float(semantic_scores(counts).mean_iou)
+        said = {
+            'nearest': _nearest(xyz, np.where(labels.point_is_true, labels.semantic, UNLABELLED)),
+            'regions': labels.semantic,
+            'filled': _nearest(xyz, labels.semantic),
+        }
+        for name, rows in said.items():
+            counts[name] += confusion_counts(rows, hidden, classes)
+    return {name: 100 * float(semantic_scores(count).mean_iou) for name, count in counts.items()}
+
+
+def _nearest(xyz: np.ndarray, semantic: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
+    """Unlabelled points take the class of the nearest labelled one."""
+    known, rest = np.flatnonzero(semantic >= 0), np.flatnonzero(semantic < 0)
+    out = semantic.copy()
+    if len(known):
+        out[rest] = semantic[known[cKDTree(xyz[known]).query(xyz[rest])[1]]]
+    return out
 
 
 def propagation_table(
@@ -157,11 +214,18 @@ def propagation_table(
     lines = [
         f'mIoU (%) on the unlabelled points of the same scan; at most 20 labelled points a class, seed {seed}',
         '',
-        '| scan | labelled points alone | regions, no network | RM3D |',
-        '|---|---|---|---|',
+        f'| scan | {" | ".join(COLUMNS.values())} |',
+        f'|---|{"---|" * len(COLUMNS)}',
     ]
+    rows: list[Spread] = []
     for scan in scans:
-        spread = propagate(scan, out, {'seed': seed, **(options or {})}, log)
-        lines.append(f'| {scan.name} | {spread.weak:.1f} | {spread.regions:.1f} | {spread.rm3d:.1f} |')
-        write_text(out / 'propagation.md', '\n'.join(lines) + '\n')
-    return '\n'.join(lines)
+        rows.append(propagate(scan, out, {'seed': seed, **(options or {})}, log))
+        lines.append(_line(scan.name, astuple(rows[-1])))
+        mean = np.mean([astuple(row) for row in rows], axis=0).tolist()
+        text = '\n'.join([*lines, _line('mean', mean)])
+        write_text(out / 'propagation.md', text + '\n')
+    return text
+
+
+def _line(name: str, scores: Sequence[float]) -> str:
+    return f'| {name} | {" | ".join(f"{score:.1f}" for score in scores)} |'

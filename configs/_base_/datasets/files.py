@@ -1,0 +1,50 @@
+# Any folder of scans (docs/own_scans.md), outdoors, z up, metres; by default without labels of their own.
+_base_ = './outdoor_pipeline.py'
+dataset_type = 'FilesDataset'
+data_root = 'data/scans'
+class_names = ['ground', 'vegetation', 'building']
+num_classes = 3  # as many as class_names
+thing_classes = []
+point_columns = ['shape']  # before it 'intensity' and 'rgb' where the scans have them: ['intensity', 'rgb', 'shape']
+columns = None  # which column plays which part, where names do not tell
+label_map = None  # raw label -> class, where the scans have labels
+other_labels = 'error'
+intensity_range = None  # what the intensity is divided by
+crop_points = 16000
+val_labels = 'store'  # 'truth' where the scans have labels; else the score tells how far the network agrees with its labels
+score_name = 'agreement'  # None with val_labels='truth'
+train_dataloader = dict(
+    dataset=dict(
+        classes='${class_names}',
+        columns='${columns}',
+        label_map='${label_map}',
+        other_labels='${other_labels}',
+        intensity_range='${intensity_range}',
+        cache='${cache_dir}',
+    )
+)
+label_dataloader = dict(
+    dataset=dict(
+        classes='${class_names}',
+        columns='${columns}',
+        label_map='${label_map}',
+        other_labels='${other_labels}',
+        intensity_range='${intensity_range}',
+        cache='${cache_dir}',
+        pipeline='${eval_pipeline}',
+    )
+)
+val_dataloader = dict(
+    dataset=dict(
+        classes='${class_names}',
+        columns='${columns}',
+        label_map='${label_map}',
+        other_labels='${other_labels}',
+        intensity_range='${intensity_range}',
+        cache='${cache_dir}',
+        labels='${val_labels}',
+        label_store='${work_dir}/labels',
+        pipeline='${eval_pipeline}',
+    )
+)
+val_evaluator = [dict(type='SemSegMetric', prefix='${score_name}')]
