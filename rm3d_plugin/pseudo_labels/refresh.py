@@ -111,17 +111,9 @@ def refresh_detection(
     xyz, background = prepared_cloud.xyz, len(priors)
     check_rows(len(xyz), regions=regions.labels, weak=weak, height_above_ground=height_above_ground)
     truth = known_by_boxes(xyz, weak, background)
-    limits = None if rules.class_gamma is None else _class_limits(rules.class_gamma, background + 1)
     counts = _pad(class_counts, background + 1)
-    grouped = group_regions(
-        prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts, limits
-    )
-    grouped = _split(grouped, regions, probabilities, strategy, rules)
-    if limits is not None:
-        grouped = grouped._replace(groups=without_doubtful(grouped.groups, limits))
-    grouped = apply_quota(grouped, strategy, round)
-    surely, large = _background_points(xyz, regions, priors, height_above_ground, rules)
-    surely, large = (surely & (truth.seeds < 0)) | truth.shell, large & (truth.seeds < 0)
+    grouped = _group(prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts, rules)
+    surely, large = _background_points(xyz, regions, priors, height_above_ground, rules, truth)
     supported = supported_points(previous, grouped, strategy)
     if supported is not None and previous is not None:
         supported &= ~(large & (previous.semantic == background))  # asked again below, in every round
@@ -187,8 +179,7 @@ def refresh_points(
     check_rows(len(xyz), regions=regions.labels, weak=weak)
     truth = known_points(weak)
     counts = np.asarray(class_counts)
-    grouped = group_regions(prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts)
-    grouped = apply_quota(grouped, strategy, round)
+    grouped = _group(prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts)
     draft = draft_of(grouped)
     draft = _near_and_alike(draft, prepared_cloud, regions, truth, probabilities, strategy)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
@@ -204,6 +195,28 @@ def refresh_points(
         complete=weak.complete,
     )
     return RefreshResult(labels, grouped.merge, _stats(labels, grouped))
+
+
+def _group(
+    cloud: PointCloud,
+    regions: Regions,
+    graph: RegionGraph,
+    truth: Truth,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+    centers: Float[np.ndarray, 'points 3'] | None,
+    strategy: MergeStrategy,
+    round: int,
+    counts: Int[np.ndarray, ' classes'],
+    rules: ObjectRules | None = None,
+) -> Grouped:
+    """Merge the regions and name the groups, as far as this round may; in detection also by the rules of objects."""
+    limits = None if rules is None else _class_limits(rules, len(counts))
+    grouped = group_regions(cloud, regions, graph, truth, probabilities, centers, strategy, round, counts, limits)
+    if rules is not None:
+        grouped = _split(grouped, regions, probabilities, strategy, rules)
+    if limits is not None:
+        grouped = grouped._replace(groups=without_doubtful(grouped.groups, limits))
+    return apply_quota(grouped, strategy, round)
 
 
 def _near_and_alike(
@@ -233,10 +246,11 @@ def _near_and_alike(
     return draft
 
 
-def _class_limits(given: tuple[float, ...], classes: int) -> Float[np.ndarray, ' classes']:
-    if len(given) != classes:
+def _class_limits(rules: ObjectRules, classes: int) -> Float[np.ndarray, ' classes'] | None:
+    given = rules.class_gamma
+    if given is not None and len(given) != classes:
         raise ValueError(f'ObjectRules.class_gamma: expected {classes} numbers (background last), got {len(given)}')
-    return np.asarray(given, dtype=np.float64)
+    return None if given is None else np.asarray(given, dtype=np.float64)
 
 
 def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:
@@ -270,21 +284,24 @@ def _background_points(
     priors: Float[np.ndarray, 'classes 3'],
     height: Float[np.ndarray, ' points'] | None,
     rules: ObjectRules,
+    truth: Truth,
 ) -> tuple[Bool[np.ndarray, ' points'], Bool[np.ndarray, ' points']]:
-    """Points that geometry alone calls background.
+    """Points without a revealed class that are background whatever the network says, or unless it finds an object.
 
     Returns:
-        Those on the ground or of regions that reach too high: surely. Those of regions that are too large: unless the
-        network finds whole objects in them, such as a row of parked cars.
+        Those on the ground, of regions that reach too high, or just outside a revealed box: surely. Those of regions
+        that are too large: unless the network finds whole objects in them, such as a row of parked cars.
     """
     large = geometric_background(robust_extents(xyz, regions), None, priors, rules.background_ratio)
     of_large = point_values(large, regions.labels, False).astype(bool)
-    if height is None:
-        return np.zeros(len(xyz), dtype=bool), of_large
-    small = np.zeros((len(regions), 3))
-    tall = geometric_background(small, region_tops(height, regions), priors, rules.background_ratio)
-    ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
-    return point_values(tall, regions.labels, False).astype(bool) | ground, of_large
+    surely = np.zeros(len(xyz), dtype=bool)
+    if height is not None:
+        small = np.zeros((len(regions), 3))
+        tall = geometric_background(small, region_tops(height, regions), priors, rules.background_ratio)
+        ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
+        surely = point_values(tall, regions.labels, False).astype(bool) | ground
+    free = truth.seeds < 0
+    return (surely & free) | truth.shell, of_large & free
 
 
 def _earlier_objects(
