@@ -81,6 +81,22 @@ def link_points(
     return Links(found, joins)
 
 
+def without_color_steps(links: Links, colors: Float[np.ndarray, 'points 3'], step: float) -> Links:
+    """Links that do not cross an edge of colour.
+
+    Args:
+        links: As of :func:`link_points`.
+        colors: RGB in [0, 1].
+        step: Greatest RGB difference of two neighbours that join.
+    """
+    joins = links.joins.copy()
+    for first in range(0, len(colors), CHUNK):
+        rows = slice(first, first + CHUNK)
+        difference = colors[np.maximum(links.neighbors[rows], 0)] - colors[rows, None]
+        joins[rows] &= np.linalg.norm(difference, axis=2) <= step
+    return Links(links.neighbors, joins)
+
+
 def grow_regions(
     links: Links, order: Int[np.ndarray, ' points'], curvature: Float[np.ndarray, ' points'], zeta: float
 ) -> Int[np.ndarray, ' points']:
@@ -130,6 +146,8 @@ class RegionGrowing(Oversegmenter):
         max_edge: Metres; a neighbour farther away never joins nor absorbs. None: no limit.
         range_growth: Metres that ``max_edge`` gains for each metre from the sensor; of no effect where the cloud does
             not know its sensor.
+        max_color_step: RGB difference, of 1, above which two neighbours never join: regions end at the edge of a
+            picture or a door that lies flush with its wall. Of no effect on clouds without colour. None: no limit.
         normal_neighbors: Neighbours for normals and curvature where the cloud has none.
         ground: Options of :func:`rm3d_plugin.ops.ground.segment_ground`: removes the ground first. None keeps it.
     """
@@ -147,6 +165,7 @@ class RegionGrowing(Oversegmenter):
         normalise_affinity: bool = True,
         max_edge: float | None = None,
         range_growth: float = 0.0,
+        max_color_step: float | None = None,
         normal_neighbors: int = 20,
         ground: Mapping[str, Any] | None = None,
     ) -> None:
@@ -156,6 +175,8 @@ class RegionGrowing(Oversegmenter):
                 f'RegionGrowing: expected neighbors >= 1, zeta >= 0, max_edge > 0 or None, range_growth >= 0, '
                 f'got {neighbors}, {zeta}, {max_edge}, {range_growth}'
             )
+        if max_color_step is not None and max_color_step <= 0:
+            raise ValueError(f'RegionGrowing.max_color_step: expected a number > 0 or None, got {max_color_step}')
         if min(affinity_normal_weight, affinity_descriptor_weight) < 0:
             raise ValueError('RegionGrowing: affinity weights must not be negative')
         self.threshold = threshold if theta is None else float(np.cos(np.deg2rad(theta)))
@@ -166,6 +187,7 @@ class RegionGrowing(Oversegmenter):
         self.affinity = Affinity(float(affinity_normal_weight), float(affinity_descriptor_weight), normalise_affinity)
         self.max_edge = max_edge
         self.range_growth = range_growth
+        self.max_color_step = max_color_step
         self.normal_neighbors = normal_neighbors
 
     @classmethod
@@ -186,6 +208,8 @@ class RegionGrowing(Oversegmenter):
         links = link_points(
             cloud.xyz, normals, described, self.neighbors, self._reach(cloud), self.threshold, self.affinity
         )
+        if self.max_color_step is not None and cloud.colors is not None:
+            links = without_color_steps(links, cloud.colors, self.max_color_step)
         labels = grow_regions(links, seed_order(curvature, seeds), curvature, self.zeta)
         labels = absorb_small(labels, links.neighbors, normals, described, self.min_region, self.affinity)
         return labels if self.drop_below is None else drop_small(labels, self.drop_below)

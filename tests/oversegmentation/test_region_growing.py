@@ -7,7 +7,7 @@ from reference.rooms import make_room
 from rm3d_plugin.descriptors import AdaptedPFH
 from rm3d_plugin.ops.segment import segment_majority
 from rm3d_plugin.oversegmentation import RegionGrowing
-from rm3d_plugin.oversegmentation.region_growing import seed_order
+from rm3d_plugin.oversegmentation.region_growing import link_points, seed_order, without_color_steps
 from rm3d_plugin.oversegmentation.small_regions import Affinity, absorb_small, drop_small, pair_affinity
 from rm3d_plugin.registry import OVERSEGMENTERS
 from rm3d_plugin.structures import Descriptors, PointCloud
@@ -126,6 +126,35 @@ def test_a_gap_is_never_crossed_and_grows_with_range():
     assert same_partition(alone, [0, 0, 0, 0, 1, 2, 3, 4])  # too small to stay, but nobody is near
     joined = RegionGrowing(max_edge=0.15, range_growth=0.02, min_region=4).partition(cloud, values)
     assert same_partition(joined, [0, 0, 0, 0, 1, 1, 1, 1])
+
+
+def test_regions_end_at_an_edge_of_colour():
+    xyz, normals, curvature = line()
+    shading = np.linspace(0.4, 0.6, 6)  # light that fades along the wall is no edge
+    colors = np.c_[shading, shading, shading]
+    colors[2:4] = [0.9, 0.1, 0.1]
+    cloud = PointCloud(xyz, normals=normals, curvature=curvature, colors=colors)
+    flat = described(np.ones((6, 2)))
+    options = NO_DESCRIPTOR | {'neighbors': 2, 'max_edge': 0.15}
+    assert RegionGrowing(**options).partition(cloud, flat).tolist() == [0] * 6
+    assert RegionGrowing(max_color_step=0.2, **options).partition(cloud, flat).tolist() == [0, 0, 1, 1, 2, 2]
+    grey = PointCloud(xyz, normals=normals, curvature=curvature)
+    assert RegionGrowing(max_color_step=0.2, **options).partition(grey, flat).tolist() == [0] * 6
+    with pytest.raises(ValueError, match='max_color_step'):
+        RegionGrowing(max_color_step=0.0)
+
+
+def test_colour_steps_as_written_out():
+    cloud, descriptors, _ = random_scene(3)
+    colors = np.random.default_rng(99).random((len(cloud), 3))
+    reach = np.full(len(cloud), 0.3)
+    links = link_points(cloud.xyz, cloud.normals, descriptors.values, 6, reach, 0.5, Affinity(1.0, 1.0, True))
+    cut = without_color_steps(links, colors, 0.6)
+    for i, row in enumerate(links.neighbors):
+        for j, other in enumerate(row):
+            near = other >= 0 and float(np.sqrt(np.square(colors[i] - colors[other]).sum())) <= 0.6
+            assert cut.joins[i, j] == (links.joins[i, j] and near)
+    assert 0 < cut.joins.sum() < links.joins.sum()
 
 
 def test_small_regions_go_to_the_most_affine_neighbour():
