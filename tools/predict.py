@@ -39,6 +39,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     points.add_argument(
         '--intensity-range', type=float, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
     )
+    points.add_argument(
+        '--labels',
+        type=Path,
+        metavar='WORK_DIR/labels',
+        help="of the checkpoint's own run, for scans that it learnt from: their labels stay, the network says the rest",
+    )
     args = parser.parse_args(arguments)
     options = PointOptions(
         format=args.format,
@@ -49,6 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         unknown_below=args.unknown_below,
         columns=args.columns,
         intensity_range=None if args.intensity_range is None else tuple(args.intensity_range),
+        labels=args.labels,
     )
     for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
         print(path)

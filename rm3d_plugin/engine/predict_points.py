@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from mmengine.dataset import pseudo_collate
 from tqdm import tqdm
 
@@ -21,6 +21,7 @@ from rm3d_plugin.engine.trained import TrainedNetwork
 from rm3d_plugin.evaluation.point_fields import predicted_classes
 from rm3d_plugin.models.heads.proposals import Instances
 from rm3d_plugin.models.segmentors.scene_inference import Flip
+from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.storage.scans import ColorRange, read_scan
 from rm3d_plugin.structures import PointCloud, SceneError
 
@@ -43,6 +44,8 @@ class PointOptions:
         columns: What a table's columns hold, see :func:`rm3d_plugin.storage.scans.read_scan`.
         intensity_range: Lowest and greatest intensity of the sensor, which become 0 and 1; None: as the run's data set
             has it.
+        labels: Label store of the run: points of its own scans that have a label there keep it, the network says only
+            what the others are. Scans are found by name.
     """
 
     format: str = 'ply'
@@ -53,6 +56,7 @@ class PointOptions:
     unknown_below: float = 0.0
     columns: str | None = None
     intensity_range: Range | None = None
+    labels: Path | None = None
 
     def given(self) -> list[str]:
         """Names of the options that are not their defaults."""
@@ -138,6 +142,8 @@ class Segmenter:
                 masks[:, thin.rows], sample.pred_instance_labels.numpy(), sample.pred_instance_scores.numpy()
             )
         semantic, confidence = predicted_classes(probs), probs.max(axis=1, initial=0.0)
+        if self.options.labels is not None:
+            semantic, confidence = keep_labels(semantic, confidence, self.options.labels, Path(name).stem)
         semantic = np.where(confidence < self.options.unknown_below, -1, semantic)
         return ScanPrediction(semantic[thin.rows], confidence[thin.rows], found)
 
@@ -148,6 +154,34 @@ class Segmenter:
             item = step(item)
         with torch.no_grad():
             return self.model.test_step(pseudo_collate([item]))[0]
+
+
+def keep_labels(
+    semantic: Int[np.ndarray, ' points'], confidence: Float[np.ndarray, ' points'], labels: Path, scene: str
+) -> tuple[Int[np.ndarray, ' points'], Float[np.ndarray, ' points']]:
+    """What a network says of the points that a run has no label for; the others keep theirs.
+
+    Args:
+        semantic: Predicted classes.
+        confidence: How sure the network is.
+        labels: Label store of the run.
+        scene: Name of the scan; where the store does not know it, nothing changes, with a warning.
+
+    Raises:
+        SceneError: The store has labels for another number of points.
+    """
+    store = LabelStore(labels)
+    if scene not in store.scenes():
+        warnings.warn(f'{scene}: {labels} has no labels of this scan; the network alone classifies it', stacklevel=3)
+        return semantic, confidence
+    own = store.read(scene)
+    if len(own) != len(semantic):
+        raise SceneError(
+            f'{scene}: {labels} has labels for {len(own)} points, but the scan has {len(semantic)}; name the scan that '
+            'the run learnt from'
+        )
+    known = own.semantic >= 0
+    return np.where(known, own.semantic, semantic), np.where(known, own.confidence, confidence)
 
 
 def _on_points(rows: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:

@@ -12,9 +12,10 @@ from rm3d_plugin.engine.predict import find_scans, predict_files
 from rm3d_plugin.engine.predict_formats import ScanPrediction
 from rm3d_plugin.engine.predict_points import PointOptions, fit_channels, trained_intensity_range
 from rm3d_plugin.models.heads.proposals import Instances
+from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.storage.ply import write_ply
 from rm3d_plugin.storage.scans import read_scan
-from rm3d_plugin.structures import PointCloud, SceneError
+from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels, SceneError
 
 
 def run(checkpoint, scan, out, **options):
@@ -210,3 +211,23 @@ def test_what_cannot_be_done_is_told_before_anything_is_predicted(checkpoint, tm
         find_scans([tmp_path / 'b'], ['.bin'])
     with pytest.raises(SceneError, match='a.obj: unknown ending'):
         run(checkpoint, tmp_path / 'a.obj', tmp_path / 'out')
+
+
+def test_labels_of_the_run_stay_where_there_are_some(checkpoint, tmp_path):
+    scan, store = make_scan(tmp_path / 'mine.ply', count=30), LabelStore(tmp_path / 'labels')
+    said = np.load(run(checkpoint, scan, tmp_path / 'out', format='npz'))
+    semantic = np.where(np.arange(30) < 5, (said['label'] + 1) % 3, -1)
+    confidence = np.where(semantic >= 0, 0.9, 0).astype(np.float32)
+    none, sure = np.full(30, -1), np.zeros(30, dtype=bool)
+    store.begin_round(0)
+    store.write(0, 'mine', PseudoLabels(semantic, none, sure, confidence, Boxes3D.empty(), sure[:0]))
+    store.finish_round(0)
+    store.set_current(0)
+    kept = np.load(run(checkpoint, scan, tmp_path / 'kept', format='npz', labels=store.root))
+    np.testing.assert_array_equal(kept['label'], np.where(semantic >= 0, semantic, said['label']))
+    np.testing.assert_allclose(kept['confidence'], np.where(semantic >= 0, 0.9, said['confidence']))
+    other = make_scan(tmp_path / 'other.ply', count=30)
+    with pytest.warns(UserWarning, match='has no labels of this scan'):
+        run(checkpoint, other, tmp_path / 'out', labels=store.root)
+    with pytest.raises(SceneError, match='labels for 30 points, but the scan has 29'):
+        run(checkpoint, make_scan(tmp_path / 'new' / 'mine.ply', count=29), tmp_path / 'out', labels=store.root)
