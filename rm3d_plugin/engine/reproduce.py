@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from rm3d_plugin.datasets.oakland_format import CLASSES as OAKLAND_CLASSES
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.overseg_table import descriptor_table
@@ -28,6 +29,7 @@ class Table:
         scores: Heading -> key of ``metrics.json``.
         demo: Run on the embedded synthetic data.
         labels: Tell how many points have a label in the last round, and how many of the pseudo labels are right.
+        ratio: Tell the ratio to the last row.
     """
 
     title: str
@@ -35,16 +37,31 @@ class Table:
     scores: dict[str, str]
     demo: bool = True
     labels: bool = False
+    ratio: bool = True
 
 
 def _rows(kind: str, *budgets: str, data: str = 'scannet') -> dict[str, str]:
     """Weak baseline and RM3D for each budget, then full supervision."""
-    named = {'0p2pct': '0.2 % of the points', 'onept': 'a point a class', '20pts': '20 points', '1pct': '1 %'}
+    return _pairs(kind, *budgets, data=data) | {'all points': f'sup_{kind}_{data}_full'}
+
+
+def _pairs(kind: str, *budgets: str, data: str) -> dict[str, str]:
+    """Weak baseline and RM3D for each budget."""
     rows = {}
     for budget in budgets:
-        rows[f'labelled points alone ({named[budget]})'] = f'sup_{kind}_{data}_{budget}'
-        rows[f'RM3D ({named[budget]})'] = f'rm3d_{kind}_{data}_{budget}'
-    return rows | {'all points': f'sup_{kind}_{data}_full'}
+        rows[f'labelled points alone ({_NAMED[budget]})'] = f'sup_{kind}_{data}_{budget}'
+        rows[f'RM3D ({_NAMED[budget]})'] = f'rm3d_{kind}_{data}_{budget}'
+    return rows
+
+
+_NAMED = {
+    '0p1pct': '0.1 % of the points',
+    '0p2pct': '0.2 % of the points',
+    'onept': 'a point a class',
+    '20pts': '20 points',
+    '1pct': '1 %',
+    '20pct': '20 %',
+}
 
 
 TABLES = {
@@ -79,6 +96,14 @@ TABLES = {
         configs=_rows('sem', 'onept', '20pts', '0p2pct', '1pct', data='semantickitti'),
         scores={'mIoU': 'mIoU'},
         labels=True,
+    ),
+    'oakland': Table(
+        title='IoU on the test tiles of Oakland, in percent (real data: --cfg-options data_root=FOLDER)',
+        configs=_pairs('sem', '0p1pct', '1pct', '20pct', data='oakland'),
+        scores={name: f'IoU_{name}' for name in OAKLAND_CLASSES} | {'mIoU': 'mIoU'},
+        demo=False,
+        labels=True,
+        ratio=False,
     ),
     'rooms-demo-instances': Table(
         title='AP of instances on synthetic rooms, in percent',
@@ -228,7 +253,7 @@ def render(table: Table, seeds: Sequence[int], out: Path) -> str:
     }
     reference = list(values.values())[-1]
     last = list(table.scores)[-1]
-    heads = [*table.scores, f'{last} / full', *(LABEL_HEADS if table.labels else ())]
+    heads = [*table.scores, *([f'{last} / full'] if table.ratio else ()), *(LABEL_HEADS if table.labels else ())]
     lines = [
         f'{table.title}; mean of seeds {", ".join(map(str, seeds))} (lowest to highest)',
         '',
@@ -237,8 +262,9 @@ def render(table: Table, seeds: Sequence[int], out: Path) -> str:
     ]
     for row, scores in values.items():
         cells = [_spread(v) for v in scores.values()]
-        full = statistics.mean(reference[last])
-        cells.append(f'{100 * statistics.mean(scores[last]) / full:.0f} %' if full else '-')
+        if table.ratio:
+            full = statistics.mean(reference[last])
+            cells.append(f'{100 * statistics.mean(scores[last]) / full:.0f} %' if full else '-')
         if table.labels:
             cells += [_spread(v) for v in _label_shares([run_dir(out, table.configs[row], seed) for seed in seeds])]
         lines.append(f'| {row} | {" | ".join(cells)} |')
