@@ -23,6 +23,29 @@ class DatasetNotFoundError(SceneError):
     """The data set is not where it was looked for; the message shows how to lay it out."""
 
 
+def not_found(dataset: str, root: Path, what: str, source: str, layout: str) -> DatasetNotFoundError:
+    """The error of a data set that is not there.
+
+    Args:
+        dataset: Its name.
+        root: Where it was looked for.
+        what: What is missing, such as 'there is no folder scans'.
+        source: Where to get it, such as 'Download it from http://...'.
+        layout: Folders and files, ``{root}`` for the root.
+    """
+    root = root.resolve()
+    return DatasetNotFoundError(
+        f'{dataset} was looked for at {root}, but {what}. {source} and lay it out so:\n{layout.format(root=root)}\n'
+        'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
+    )
+
+
+def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
+    """Raise a ValueError that names the argument and its choices, unless the value is one of them."""
+    if value not in choices:
+        raise ValueError(f'{name}: expected one of {", ".join(map(str, choices))}, got {value!r}')
+
+
 @dataclass(frozen=True, eq=False)
 class Truth:
     """Dense ground truth of one scene: for label budgets, evaluation and reports, never for training.
@@ -67,8 +90,8 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         bad_scenes: BadScenes = 'error',
         seed: int = 0,
     ) -> None:
-        _one_of('labels', labels, get_args(Labels))
-        _one_of('bad_scenes', bad_scenes, get_args(BadScenes))
+        check_choice('labels', labels, get_args(Labels))
+        check_choice('bad_scenes', bad_scenes, get_args(BadScenes))
         if labels == 'store' and label_store is None:
             raise ValueError("labels='store' needs label_store, the folder of the label store")
         self.classes = tuple(classes)
@@ -254,8 +277,3 @@ def _truth_labels(truth: Truth, num_points: int) -> dict[str, np.ndarray]:
         'box_labels': truth.boxes.labels,
         'box_is_true': np.ones(len(truth.boxes), dtype=bool),
     }
-
-
-def _one_of(name: str, value: object, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ValueError(f'{name}: expected one of {", ".join(map(repr, choices))}, got {value!r}')

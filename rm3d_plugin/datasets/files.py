@@ -1,14 +1,14 @@
 """Any folder of scans, with or without labels."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 
-from rm3d_plugin.datasets.base import BadScenes, DatasetNotFoundError, Labels
-from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, file_key, only_things
+from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
+from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, numbers_of_things, only_things
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
 from rm3d_plugin.storage.scans import COLOR_RANGES, ColorRange, Scan, map_labels, read_scan
@@ -40,9 +40,6 @@ class FilesDataset(SegmentationDataset):
         files: Which files: a pattern (``'**/*.ply'``), or patterns and paths, relative to that folder; None: every file
             of a known kind, in sub-folders too.
         ann_file: List of file names, one a line, relative to ``data_root``; in place of ``files``.
-        labels: See :class:`SceneDataset`.
-        label_store: See :class:`SceneDataset`.
-        pipeline: See :class:`SceneDataset`.
         classes: Class names; (): the scans have no labels, or none that are wanted.
         things: Names of the classes that have instances; these come from the column ``instance``.
         columns: See :func:`rm3d_plugin.storage.scans.read_scan`: ``dict(label='classification')``, say, or
@@ -51,10 +48,8 @@ class FilesDataset(SegmentationDataset):
         other_labels: What becomes of labels that ``label_map`` does not list: an error, or ignored.
         color_range: See :func:`rm3d_plugin.storage.scans.read_scan`; state it for dark scans in 16-bit colours.
         intensity_range: What the intensity is divided by; None: as in the file.
-        voxel_thin: See :class:`SegmentationDataset`.
         cache: See :class:`SegmentationDataset`; text and LAZ are kept there.
-        bad_scenes: See :class:`SceneDataset`.
-        seed: See :class:`SceneDataset`.
+        common: Arguments of :class:`SegmentationDataset` and :class:`SceneDataset`.
     """
 
     def __init__(
@@ -63,9 +58,6 @@ class FilesDataset(SegmentationDataset):
         split: Split = 'train',
         files: str | Sequence[str] | None = None,
         ann_file: str | None = None,
-        labels: Labels = 'none',
-        label_store: str | Path | None = None,
-        pipeline: Sequence[Mapping[str, Any] | Callable[[dict[str, Any]], dict[str, Any]]] = (),
         classes: Sequence[str] = (),
         things: Sequence[str] = (),
         columns: str | Columns | None = None,
@@ -73,40 +65,21 @@ class FilesDataset(SegmentationDataset):
         other_labels: OtherLabels = 'error',
         color_range: ColorRange = 'auto',
         intensity_range: float | None = None,
-        voxel_thin: float | None = None,
         cache: str | Path | None = 'work_dirs/scene_cache',
-        bad_scenes: BadScenes = 'error',
-        seed: int = 0,
+        **common: Any,
     ) -> None:
-        super().__init__(
-            split,
-            voxel_thin,
-            cache,
-            classes=classes,
-            pipeline=pipeline,
-            labels=labels,
-            label_store=label_store,
-            bad_scenes=bad_scenes,
-            seed=seed,
-        )
-        for name, value, choices in (
-            ('split', split, get_args(Split)),
-            ('other_labels', other_labels, get_args(OtherLabels)),
-            ('color_range', color_range, COLOR_RANGES),
-        ):
-            if value not in choices:
-                raise ValueError(f'{name}: expected one of {", ".join(map(str, choices))}, got {value!r}')
+        check_choice('split', split, get_args(Split))
+        check_choice('other_labels', other_labels, get_args(OtherLabels))
+        check_choice('color_range', color_range, COLOR_RANGES)
+        super().__init__(split, cache=cache, classes=classes, **common)
         if intensity_range is not None and not intensity_range > 0:
             raise ValueError(f'intensity_range: expected a number > 0, got {intensity_range}')
         if files is not None and ann_file is not None:
             raise ValueError('files and ann_file: expected one of them, got both')
-        unknown = sorted(set(things) - set(self.classes))
-        if unknown:
-            raise ValueError(f'things: {unknown[0]!r} is no class; expected some of {", ".join(self.classes)}')
         self.data_root = Path(data_root)
         self.files = [files] if isinstance(files, str) else files
         self.ann_file = None if ann_file is None else self.data_root / ann_file
-        self.things = tuple(things)
+        self._thing_classes = numbers_of_things(things, self.classes)
         self.columns = columns
         self.label_map = None if label_map is None else class_numbers(label_map, self.classes)
         self.other_labels: OtherLabels = other_labels
@@ -162,7 +135,7 @@ class FilesDataset(SegmentationDataset):
     @property
     def thing_classes(self) -> tuple[int, ...]:
         """Numbers of ``things``."""
-        return tuple(number for number, name in enumerate(self.classes) if name in self.things)
+        return self._thing_classes
 
     def read_scene(self, index: int) -> RawScene:
         """Every point of a file, and its labels where there are ``classes`` and a column of labels."""
@@ -172,7 +145,7 @@ class FilesDataset(SegmentationDataset):
             return RawScene(cloud)
         path = self.path(index)
         semantic = map_labels(scan.label, len(self.classes), self.label_map, path, self.other_labels)
-        if scan.instance is None or not self.things:
+        if scan.instance is None or not self.thing_classes:
             return RawScene(cloud, semantic)
         return RawScene(cloud, semantic, only_things(scan.instance, semantic, self.thing_classes))
 
@@ -183,15 +156,11 @@ class FilesDataset(SegmentationDataset):
         return f"{self.path(index)}: has no column label; name it, columns=dict(label='...')"
 
     def _scan(self, path: Path) -> Scan:
-        labels = len(self.classes) > 0
-        if self.cache is None or path.suffix.lower() not in SLOW or not path.is_file():
-            return read_scan(path, self.columns, self.color_range, labels)
-        options = {'columns': self.columns, 'color_range': self.color_range, 'labels': labels}
-        key = file_key('files', (path,), options)
-        arrays = self.cache.get_or_make(
-            key, lambda: read_scan(path, self.columns, self.color_range, labels).to_arrays()
-        )
-        return Scan.from_arrays(arrays)
+        options: dict[str, Any] = {'columns': self.columns, 'color_range': self.color_range}
+        options['labels'] = len(self.classes) > 0
+        if path.suffix.lower() not in SLOW or not path.is_file():
+            return read_scan(path, **options)
+        return Scan.from_arrays(self.parsed('files', (path,), lambda: read_scan(path, **options).to_arrays(), options))
 
     def _with_intensity(self, cloud: PointCloud) -> PointCloud:
         if self.intensity_range is None or cloud.intensity is None:

@@ -7,7 +7,15 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rm3d_plugin.datasets.base import BadScenes, DatasetNotFoundError, Labels, SceneDataset, Truth
+from rm3d_plugin.datasets.base import (
+    BadScenes,
+    DatasetNotFoundError,
+    Labels,
+    SceneDataset,
+    Truth,
+    check_choice,
+    not_found,
+)
 from rm3d_plugin.datasets.kitti_format import (
     KittiCalib,
     KittiObject,
@@ -83,8 +91,7 @@ class KittiDataset(SceneDataset):
         seed: int = 0,
     ) -> None:
         super().__init__(classes, pipeline, labels, label_store, bad_scenes, seed)
-        if split not in get_args(Split):
-            raise ValueError(f'split: expected one of {", ".join(get_args(Split))}, got {split!r}')
+        check_choice('split', split, get_args(Split))
         if labels == 'truth' and split != 'val':
             raise ValueError(
                 f"labels='truth' is for split 'val', where metrics need it, got {split!r}; "
@@ -104,13 +111,11 @@ class KittiDataset(SceneDataset):
     def find_scenes(self) -> tuple[str, ...]:
         """Frame numbers of the list, or of every scan."""
         if self._velodyne is None:
-            raise DatasetNotFoundError(self._not_found(f'there is no {self.folder / "velodyne"}'))
+            raise self._not_found(f'there is no {self.folder / "velodyne"}')
         if self.ann_file is None:
             return tuple(sorted(path.stem for path in self._velodyne.glob('*.bin')))
         if not self.ann_file.is_file():
-            raise DatasetNotFoundError(
-                self._not_found(f'there is no list {self.ann_file}; ann_file=None takes every frame')
-            )
+            raise self._not_found(f'there is no list {self.ann_file}; ann_file=None takes every frame')
         frames = tuple(self.ann_file.read_text(encoding='utf-8-sig', errors='replace').split())
         doubled = len(frames) - len(set(frames))
         if doubled or not frames:
@@ -122,13 +127,9 @@ class KittiDataset(SceneDataset):
         names = ('velodyne', 'velodyne_reduced')
         return next((self.folder / name for name in names if (self.folder / name).is_dir()), None)
 
-    def _not_found(self, what: str) -> str:
-        root = self.data_root.resolve()
-        return (
-            f'KITTI was looked for at {root}, but {what}. Download it from '
-            f'https://www.cvlibs.net/datasets/kitti/eval_object.php and lay it out so:\n{_LAYOUT.format(root=root)}\n'
-            'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
-        )
+    def _not_found(self, what: str) -> DatasetNotFoundError:
+        source = 'Download it from https://www.cvlibs.net/datasets/kitti/eval_object.php'
+        return not_found('KITTI', self.data_root, what, source, _LAYOUT)
 
     # ------------------------------------------------------------------ one scene
 
@@ -137,7 +138,7 @@ class KittiDataset(SceneDataset):
         scene_id = self.scene_ids[index]
         folder = self._velodyne
         if folder is None:
-            raise DatasetNotFoundError(self._not_found(f'there is no {self.folder / "velodyne"}'))
+            raise self._not_found(f'there is no {self.folder / "velodyne"}')
         path = folder / f'{scene_id}.bin'
         points = read_velodyne(path)
         check_points(points, path)

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Int
 
-from rm3d_plugin.datasets.base import DatasetNotFoundError
+from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
 from rm3d_plugin.datasets.oakland_format import CLASSES, merge_ids, read_tile
-from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, file_key
+from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.structures import PointCloud
 
@@ -50,11 +49,9 @@ class OaklandDataset(SegmentationDataset):
         classes: Sequence[str] = CLASSES,
         **common: Any,
     ) -> None:
-        if split not in get_args(Split):
-            raise ValueError(f'split: expected one of {", ".join(get_args(Split))}, got {split!r}')
+        check_choice('split', split, get_args(Split))
         super().__init__(split, classes=classes, **common)
-        if len(self.classes) != len(CLASSES):
-            raise ValueError(f'classes: Oakland is merged into {len(CLASSES)}, got {len(self.classes)}')
+        check_classes('Oakland', self.classes, len(CLASSES))
         self.data_root = Path(data_root)
         self.tiles = TILES[split] if tiles is None else tuple(tiles)
         if not self.tiles or len(set(self.tiles)) != len(self.tiles):
@@ -90,9 +87,8 @@ class OaklandDataset(SegmentationDataset):
             tile = read_tile(path)
             return {'xyz': tile.xyz, 'label': tile.label}
 
-        arrays = parse() if self.cache is None else self.cache.get_or_make(file_key('oakland', (path,)), parse)
-        semantic: Int[np.ndarray, ' points'] = merge_ids(arrays['label'], path)
-        return RawScene(PointCloud(arrays['xyz'].astype(np.float32)), semantic)
+        arrays = self.parsed('oakland', (path,), parse)
+        return RawScene(PointCloud(arrays['xyz'].astype(np.float32)), merge_ids(arrays['label'], path))
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the tiles in memory: they would travel to every data loader process."""

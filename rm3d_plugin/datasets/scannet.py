@@ -1,13 +1,13 @@
 """ScanNet v2 in its native layout."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Int
 
-from rm3d_plugin.datasets.base import BadScenes, DatasetNotFoundError, Labels
+from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice, not_found
 from rm3d_plugin.datasets.scannet_format import (
     CLASSES,
     LABEL_MAP,
@@ -24,7 +24,7 @@ from rm3d_plugin.datasets.scannet_format import (
     read_mesh,
     read_segments,
 )
-from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, only_things
+from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes, only_things
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.structures import PointCloud, SceneError
 
@@ -62,16 +62,11 @@ class ScanNetDataset(SegmentationDataset):
         data_root: Folder that holds ``scans`` and the lists of the splits.
         split: 'test' has no labels.
         ann_file: List of scans, relative to data_root; None: ``scannetv2_SPLIT.txt``.
-        labels: See :class:`SceneDataset`.
-        label_store: See :class:`SceneDataset`.
-        pipeline: See :class:`SceneDataset`.
         classes: Names of the benchmark's classes, in the order of their NYU40 ids.
         align: Turn walls to the axes by the scan's ``axisAlignment``; False: raw axes.
         label_source: 'ply': classes from ``labels.ply``. 'aggregation': from the annotated objects and the label map.
             'auto': from ``labels.ply``, unless it is missing or holds raw ids, as releases before v2 do.
-        voxel_thin: See :class:`SegmentationDataset`.
-        bad_scenes: See :class:`SceneDataset`.
-        seed: See :class:`SceneDataset`.
+        common: Arguments of :class:`SegmentationDataset` and :class:`SceneDataset`.
     """
 
     def __init__(
@@ -79,34 +74,15 @@ class ScanNetDataset(SegmentationDataset):
         data_root: str | Path,
         split: Split = 'train',
         ann_file: str | None = None,
-        labels: Labels = 'none',
-        label_store: str | Path | None = None,
-        pipeline: Sequence[Mapping[str, Any] | Callable[[dict[str, Any]], dict[str, Any]]] = (),
         classes: Sequence[str] = CLASSES,
         align: bool = True,
         label_source: LabelSource = 'auto',
-        voxel_thin: float | None = None,
-        bad_scenes: BadScenes = 'error',
-        seed: int = 0,
+        **common: Any,
     ) -> None:
-        super().__init__(
-            split,
-            voxel_thin,
-            classes=classes,
-            pipeline=pipeline,
-            labels=labels,
-            label_store=label_store,
-            bad_scenes=bad_scenes,
-            seed=seed,
-        )
-        for name, value, choices in (
-            ('split', split, get_args(Split)),
-            ('label_source', label_source, get_args(LabelSource)),
-        ):
-            if value not in choices:
-                raise ValueError(f'{name}: expected one of {", ".join(choices)}, got {value!r}')
-        if len(self.classes) != len(CLASSES):
-            raise ValueError(f'classes: expected names for the {len(CLASSES)} classes of ScanNet, got {self.classes}')
+        check_choice('split', split, get_args(Split))
+        check_choice('label_source', label_source, get_args(LabelSource))
+        super().__init__(split, classes=classes, **common)
+        check_classes('ScanNet', self.classes, len(CLASSES))
         self.data_root = Path(data_root)
         self.ann_file = self.data_root / (ann_file or f'scannetv2_{split}.txt')
         self.align = align
@@ -118,22 +94,17 @@ class ScanNetDataset(SegmentationDataset):
     def find_scenes(self) -> tuple[str, ...]:
         """Scans of the list."""
         if not any((self.data_root / name).is_dir() for name in ('scans', 'scans_test')):
-            raise DatasetNotFoundError(self._not_found('there is no folder scans'))
+            raise self._not_found('there is no folder scans')
         if not self.ann_file.is_file():
-            raise DatasetNotFoundError(self._not_found(f'there is no list {self.ann_file}'))
+            raise self._not_found(f'there is no list {self.ann_file}')
         scans = tuple(self.ann_file.read_text(encoding='utf-8-sig', errors='replace').split())
         doubled = len(scans) - len(set(scans))
         if doubled or not scans:
             raise SceneError(f'{self.ann_file}: {len(scans)} scans, {doubled} of them twice; list each scan once')
         return scans
 
-    def _not_found(self, what: str) -> str:
-        root = self.data_root.resolve()
-        return (
-            f'ScanNet was looked for at {root}, but {what}. Ask for it at http://www.scan-net.org and lay it out so:\n'
-            f'{_LAYOUT.format(root=root)}\n'
-            'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
-        )
+    def _not_found(self, what: str) -> DatasetNotFoundError:
+        return not_found('ScanNet', self.data_root, what, 'Ask for it at http://www.scan-net.org', _LAYOUT)
 
     def file(self, index: int, ending: str) -> Path:
         """A file of a scan: ``file(0, '_vh_clean_2.ply')``, say."""

@@ -1,7 +1,7 @@
 """What data sets with a class for each point share: thinning, truth by the kept points, the way back to all points."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -50,7 +50,7 @@ class SegmentationDataset(SceneDataset):
     """Scenes whose points have classes, and instance numbers where the data set has things.
 
     Args:
-        split: 'train' refuses labels='truth'.
+        split: 'train' and 'trainval' refuse labels='truth'.
         voxel_thin: Keep one point in each cube of this edge, metres; None: every point. Predictions go back to all
             points through :meth:`original_index`.
         cache: Folder where what is slow to read (text) is kept after the first time; None: nowhere.
@@ -64,9 +64,9 @@ class SegmentationDataset(SceneDataset):
         self, split: str, voxel_thin: float | None = None, cache: str | Path | None = None, **base: Any
     ) -> None:
         super().__init__(**base)
-        if self.labels == 'truth' and split == 'train':
+        if self.labels == 'truth' and split in ('train', 'trainval'):
             raise ValueError(
-                "labels='truth' is for splits that metrics are measured on, got split 'train'; "
+                f"labels='truth' is for splits that metrics are measured on, got split {split!r}; "
                 "training reads labels='store', prediction needs labels='none'"
             )
         self.split = split
@@ -125,6 +125,16 @@ class SegmentationDataset(SceneDataset):
         """What to tell who asks for labels that the files do not hold."""
         return f'split {self.split!r} has no labels; expected a labelled split'
 
+    def parsed(
+        self,
+        reader: str,
+        paths: tuple[Path, ...],
+        parse: Callable[[], dict[str, np.ndarray]],
+        options: Mapping[str, Any] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """What ``parse`` makes of files that are slow to read; from the cache, where there is one."""
+        return parse() if self.cache is None else self.cache.get_or_make(file_key(reader, paths, options), parse)
+
     def check_scene(self, index: int) -> None:
         """Read everything there is of a scene, labels too.
 
@@ -157,6 +167,23 @@ class SegmentationDataset(SceneDataset):
     def __getstate__(self) -> dict[str, Any]:
         """Without the scene that was read last: it would travel to every data loader process."""
         return self.__dict__ | {'_last': None}
+
+
+def check_classes(dataset: str, classes: tuple[str, ...], count: int) -> None:
+    """Raise a ValueError unless there is a name for each class of a data set."""
+    if len(classes) != count:
+        raise ValueError(f'classes: expected names for the {count} classes of {dataset}, got {classes}')
+
+
+def numbers_of_things(things: Sequence[str], classes: tuple[str, ...]) -> tuple[int, ...]:
+    """Class numbers of the named classes, ascending.
+
+    Raises:
+        ValueError: A name is no class.
+    """
+    if unknown := sorted(set(things) - set(classes)):
+        raise ValueError(f'things: {unknown[0]!r} is no class; expected some of {", ".join(classes)}')
+    return tuple(number for number, name in enumerate(classes) if name in things)
 
 
 def only_things(

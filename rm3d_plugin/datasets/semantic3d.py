@@ -8,8 +8,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Int
 
-from rm3d_plugin.datasets.base import DatasetNotFoundError
-from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, file_key, make_cloud
+from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice, not_found
+from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes, file_key, make_cloud
 from rm3d_plugin.datasets.semantic3d_format import CLASSES, thin_scene
 from rm3d_plugin.datasets.thinned import check_voxel
 from rm3d_plugin.registry import DATASETS
@@ -78,14 +78,10 @@ class Semantic3DDataset(SegmentationDataset):
         classes: Sequence[str] = CLASSES,
         **common: Any,
     ) -> None:
-        for name, value, choices in (('split', split, get_args(Split)), ('benchmark', benchmark, get_args(Benchmark))):
-            if value not in choices:
-                raise ValueError(f'{name}: expected one of {", ".join(choices)}, got {value!r}')
+        check_choice('split', split, get_args(Split))
+        check_choice('benchmark', benchmark, get_args(Benchmark))
         super().__init__(split, classes=classes, **common)  # scenes come thinned
-        if len(self.classes) != len(CLASSES):
-            raise ValueError(f'classes: Semantic3D has {len(CLASSES)}, got {len(self.classes)}')
-        if self.labels == 'truth' and split == 'trainval':
-            raise ValueError("labels='truth' is for splits that metrics are measured on, got split 'trainval'")
+        check_classes('Semantic3D', self.classes, len(CLASSES))
         if unknown := sorted(set(holdout) - set(TRAINING)):
             raise ValueError(f'holdout: expected training stations, got {", ".join(unknown)}')
         self.data_root = Path(data_root)
@@ -102,7 +98,7 @@ class Semantic3DDataset(SegmentationDataset):
         wanted = self._wanted()
         missing = [station for station in wanted if self._find(station, '.txt') is None]
         if missing and (self.stations is not None or len(missing) == len(wanted)):
-            raise DatasetNotFoundError(self._not_found(missing))
+            raise self._not_found(missing)
         if missing:
             warnings.warn(
                 f'{self.data_root}: {len(missing)} of {len(wanted)} stations of split {self.split!r} are not there and '
@@ -131,14 +127,9 @@ class Semantic3DDataset(SegmentationDataset):
                 return path
         return None
 
-    def _not_found(self, missing: list[str]) -> str:
-        root = self.data_root.resolve()
-        return (
-            f'Semantic3D was looked for at {root}, but there is no {", ".join(missing[:3])}'
-            f'{" ..." if len(missing) > 3 else ""}. Download it from http://www.semantic3d.net and lay it out so:\n'
-            f'{_LAYOUT.format(root=root)}\nthen pass --cfg-options data_root=FOLDER. Without the data, --demo runs on '
-            'synthetic scenes.'
-        )
+    def _not_found(self, missing: list[str]) -> DatasetNotFoundError:
+        what = f'there is no {", ".join(missing[:3])}{" ..." if len(missing) > 3 else ""}'
+        return not_found('Semantic3D', self.data_root, what, 'Download it from http://www.semantic3d.net', _LAYOUT)
 
     # ------------------------------------------------------------------ one scene
 
@@ -186,7 +177,7 @@ class Semantic3DDataset(SegmentationDataset):
         station = self.scene_ids[index]
         points = self._find(station, '.txt')
         if points is None:
-            raise DatasetNotFoundError(self._not_found([station]))
+            raise self._not_found([station])
         beside = points.with_suffix('.labels')
         labels = beside if beside.is_file() else self._find(station, '.labels')
         return points, None if self.split == 'test' else labels

@@ -8,9 +8,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from rm3d_plugin.datasets.base import DatasetNotFoundError
+from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice, not_found
 from rm3d_plugin.datasets.kitti_format import check_points, read_velodyne
-from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset
+from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes
 from rm3d_plugin.datasets.semantickitti_format import (
     CLASSES,
     NUM_THINGS,
@@ -64,13 +64,9 @@ class SemanticKittiDataset(SegmentationDataset):
         classes: Sequence[str] = CLASSES,
         **common: Any,
     ) -> None:
-        if split not in get_args(Split):
-            raise ValueError(f'split: expected one of {", ".join(get_args(Split))}, got {split!r}')
+        check_choice('split', split, get_args(Split))
         super().__init__(split, classes=classes, **common)
-        if len(self.classes) != len(CLASSES):
-            raise ValueError(f'classes: SemanticKITTI has {len(CLASSES)}, got {len(self.classes)}')
-        if self.labels == 'truth' and split == 'trainval':
-            raise ValueError("labels='truth' is for splits that metrics are measured on, got split 'trainval'")
+        check_classes('SemanticKITTI', self.classes, len(CLASSES))
         if every < 1:
             raise ValueError(f'every: expected 1 or more, got {every}')
         self.data_root = Path(data_root)
@@ -93,7 +89,7 @@ class SemanticKittiDataset(SegmentationDataset):
         scans = {number: sorted(self._folder(number).glob('velodyne/*.bin'))[:: self.every] for number in wanted}
         missing = [f'{number:02d}' for number in wanted if not scans[number]]
         if missing and (self.sequences is not None or len(missing) == len(wanted)):
-            raise DatasetNotFoundError(self._not_found(f'there are no scans of sequence {", ".join(missing)}'))
+            raise self._not_found(f'there are no scans of sequence {", ".join(missing)}')
         if missing:
             warnings.warn(
                 f'{self.data_root}: {len(missing)} of {len(wanted)} sequences of split {self.split!r} are not there '
@@ -109,13 +105,9 @@ class SemanticKittiDataset(SegmentationDataset):
         sequence, _, scan = self.scene_ids[index].partition('_')
         return self._folder(int(sequence)) / kind / f'{scan}{ending}'
 
-    def _not_found(self, what: str) -> str:
-        root = self.data_root.resolve()
-        return (
-            f'SemanticKITTI was looked for at {root}, but {what}. Download scans and labels from '
-            f'http://semantic-kitti.org/dataset.html and lay them out so:\n{_LAYOUT.format(root=root)}\n'
-            'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
-        )
+    def _not_found(self, what: str) -> DatasetNotFoundError:
+        source = 'Download it (scans and labels) from http://semantic-kitti.org/dataset.html'
+        return not_found('SemanticKITTI', self.data_root, what, source, _LAYOUT)
 
     # ------------------------------------------------------------------ one scene
 

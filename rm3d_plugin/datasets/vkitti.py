@@ -1,15 +1,15 @@
 """vKITTI 3D (point clouds of Virtual KITTI for semantic segmentation) in its native layout."""
 
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
-from rm3d_plugin.datasets.base import BadScenes, DatasetNotFoundError, Labels
-from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, make_cloud
+from rm3d_plugin.datasets.base import check_choice, not_found
+from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes, make_cloud
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
@@ -53,14 +53,9 @@ class VKITTI3DDataset(SegmentationDataset):
         data_root: Folder that holds ``01`` to ``06`` (or ``0001``, ``0002``, ``0018``, ``0020``).
         split: 'test': the frames of ``test_fold``; 'train': those of the other folds.
         test_fold: 1 to 6; six-fold cross-validation takes each in turn.
-        labels: See :class:`SceneDataset`.
-        label_store: See :class:`SceneDataset`.
-        pipeline: See :class:`SceneDataset`.
         classes: Names of the 13 classes, in this order: terrain, tree, vegetation, building, road, guardrail,
             trafficsign, trafficlight, pole, misc, truck, car, van.
-        voxel_thin: See :class:`SegmentationDataset`.
-        bad_scenes: See :class:`SceneDataset`.
-        seed: See :class:`SceneDataset`.
+        common: Arguments of :class:`SegmentationDataset` and :class:`SceneDataset`.
     """
 
     def __init__(
@@ -68,30 +63,14 @@ class VKITTI3DDataset(SegmentationDataset):
         data_root: str | Path,
         split: Split = 'train',
         test_fold: int = 6,
-        labels: Labels = 'none',
-        label_store: str | Path | None = None,
-        pipeline: Sequence[Mapping[str, Any] | Callable[[dict[str, Any]], dict[str, Any]]] = (),
         classes: Sequence[str] = CLASSES,
-        voxel_thin: float | None = None,
-        bad_scenes: BadScenes = 'error',
-        seed: int = 0,
+        **common: Any,
     ) -> None:
-        super().__init__(
-            split,
-            voxel_thin,
-            classes=classes,
-            pipeline=pipeline,
-            labels=labels,
-            label_store=label_store,
-            bad_scenes=bad_scenes,
-            seed=seed,
-        )
-        if split not in get_args(Split):
-            raise ValueError(f'split: expected one of {", ".join(get_args(Split))}, got {split!r}')
+        check_choice('split', split, get_args(Split))
         if test_fold not in FOLDS:
             raise ValueError(f'test_fold: expected 1 to 6, got {test_fold!r}')
-        if len(self.classes) != len(CLASSES):
-            raise ValueError(f'classes: expected names for the {len(CLASSES)} classes of vKITTI, got {self.classes}')
+        super().__init__(split, classes=classes, **common)
+        check_classes('vKITTI', self.classes, len(CLASSES))
         self.data_root = Path(data_root)
         self.test_fold = test_fold
         self._paths: tuple[Path, ...] = ()
@@ -101,13 +80,9 @@ class VKITTI3DDataset(SegmentationDataset):
         folds = find_folds(self.data_root)
         self._paths = tuple(path for path, fold in folds if (fold == self.test_fold) == (self.split == 'test'))
         if not self._paths:
-            root = self.data_root.resolve()
-            raise DatasetNotFoundError(
-                f'vKITTI 3D was looked for at {root}, but there is no frame of split {self.split!r}. Download it from '
-                f'https://github.com/VisualComputingInstitute/vkitti3D-dataset and lay it out so:\n'
-                f'{_LAYOUT.format(root=root)}\n'
-                'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
-            )
+            what = f'there is no frame of split {self.split!r}'
+            source = 'Download it from https://github.com/VisualComputingInstitute/vkitti3D-dataset'
+            raise not_found('vKITTI 3D', self.data_root, what, source, _LAYOUT)
         return tuple(f'{path.parent.name}_{path.stem}' for path in self._paths)
 
     def read_scene(self, index: int) -> RawScene:

@@ -284,9 +284,9 @@ def test_labels_that_do_not_fit_the_scene_are_refused(world, tmp_path):
 
 def test_wrong_options_list_the_choices(world):
     for options, match in (
-        ({'labels': 'all'}, "labels: expected one of 'none', 'store', 'truth', got 'all'"),
+        ({'labels': 'all'}, "labels: expected one of none, store, truth, got 'all'"),
         ({'labels': 'store'}, 'needs label_store'),
-        ({'bad_scenes': 'drop'}, "bad_scenes: expected one of 'error', 'skip'"),
+        ({'bad_scenes': 'drop'}, 'bad_scenes: expected one of error, skip'),
         ({'split': 'minival'}, 'split: expected one of train, val'),
         ({'point_range': (0, 0, 0, 1, 1)}, 'point_range: expected'),
         ({'point_range': (0, 0, 0, 1, 0, 1)}, 'point_range: expected'),
