@@ -7,5 +7,5 @@ _base_ = [
     '../schedules/segmentation.py',
     '../schedules/demo_rooms.py',
 ]
-demo = dict(demo_data=dict(scenes='scannet_rooms', num_train=24, num_val=8, seed=0))
+demo = dict(demo_data=dict(scenes='scannet_rooms', num_train=72, num_val=16, seed=0))
 first_angle = 30.0  # degrees; rooms stand along the axes, which training on turned rooms hardly ever sees
