@@ -25,10 +25,10 @@ BUDGET = '20pts_class'  # at most so many points of a class
 SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
 CONFIGS = Path(__file__).resolve().parents[2] / 'configs'
 OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
-SETTINGS = (
-    *('rounds', 'sigma', 'periods', 'restart_weights', 'learning_rate', 'class_power', 'train_pipeline', 'model'),
-    *('voxel_size', 'widths', 'blocks', 'gamma', 'strategy', 'oversegmenter', 'ground_cell', 'checkpoint_interval'),
-)  # those that are about scans with few labels, not about a data set
+SETTINGS = """
+    rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline point_columns
+    voxel_size widths blocks class_power gamma strategy oversegmenter ground_cell
+""".split()  # of those that are about scans with few labels, not about a data set
 METHODS: dict[str, dict[str, Any]] = {'weak': {'spread': False, 'label_rounds': 1}, 'rm3d': {}}
 SCORED = [
     {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'keep_labels': True},
@@ -104,7 +104,7 @@ def semantickitti_scans(root: Path, out: Path) -> list[Scan]:
             shutil.copyfile(sequence / part / f'{number}{ending}', target)
         options: dict[str, Any] = {'data_root': str(alone), 'train_sequences': [SEQUENCE], 'val_sequences': [SEQUENCE]}
         if _has_remission(sequence / 'velodyne' / f'{number}.bin'):
-            options |= {'use_intensity': True, 'point_columns': ['intensity', 'shape']}
+            options |= {'use_intensity': True, 'point_columns': ['intensity', 'shape', 'place']}
         scans.append(Scan(f'SemanticKITTI {sequence.name}/{number}', 'rm3d_sem_semantickitti_few_1pct', options))
     return scans
 

@@ -5,12 +5,11 @@ data_root = 'data/scans'
 class_names = ['ground', 'vegetation', 'building']
 num_classes = 3  # as many as class_names
 thing_classes = []
-point_columns = ['shape']  # before it 'intensity' and 'rgb' where the scans have them: ['intensity', 'rgb', 'shape']
+point_columns = ['shape']
 columns = None  # which column plays which part, where names do not tell
 label_map = None  # raw label -> class, where the scans have labels
 other_labels = 'error'
 intensity_range = None  # what the intensity is divided by
-crop_points = 16000
 val_labels = 'store'  # 'truth' where the scans have labels; else the score tells how far the network agrees with its labels
 score_name = 'agreement'  # None with val_labels='truth'
 train_dataloader = dict(

@@ -6,19 +6,33 @@ _base_ = [
     '../regions/outdoor.py',
     '../schedules/tiles.py',
 ]
-# Labels that spread within one scan (or a few): each step sees the scan as it lies, whole. It is this very scan that is asked
-# for, so nothing is turned, and the network may learn what lies where.
+# Labels spread within one scan (or a few): a step sees it whole, and the network is told where in it a point lies, since it is
+# this very scan that is asked for and near points are often alike. `place` stands for a point whatever way the scan is turned.
 sigma = 20
 periods = [20, 40]
 learning_rate = 1e-2
-gamma = 0.75
+class_power = 0.8
+gamma = 0.9
 voxel_size = 0.4  # m
+point_columns = [
+    'shape',
+    'place',
+]  # before them 'intensity', 'rgb', where the scans have both: ['intensity', 'rgb', ...]
 train_pipeline = [
+    dict(type='ColorJitter'),
     dict(type='ShapeFeatures', cache='${cache_dir}'),
+    dict(type='ScenePlace'),
+    dict(type='LevelGround'),
+    dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
+    dict(type='RandomFlipY', prob=0.5),
+    dict(type='PackScene'),
+]
+eval_pipeline = [
+    dict(type='ShapeFeatures', cache='${cache_dir}'),
+    dict(type='ScenePlace'),
     dict(type='LevelGround'),
     dict(type='PackScene'),
 ]
-model = dict(inputs=dict(coordinates=True, extent=30.0))  # m from the middle that count a half
 strategy = dict(mixed_regions='nearest')
 oversegmenter = dict(rest=dict(min_region=40))
 checkpoint_interval = '${sigma}'

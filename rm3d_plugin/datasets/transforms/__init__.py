@@ -17,6 +17,7 @@ from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
 from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, select_points
 from rm3d_plugin.datasets.transforms.scan_noise import PointNoise, RandomThinning, noisy_points
+from rm3d_plugin.datasets.transforms.scene_place import ScenePlace, place_columns
 from rm3d_plugin.datasets.transforms.shape_features import ShapeFeatures, shape_columns
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     'RandomCrop',
     'RandomFlipY',
     'RandomThinning',
+    'ScenePlace',
     'ShapeFeatures',
     'ViewSettings',
     'augmented_view',
@@ -46,6 +48,7 @@ __all__ = [
     'flip_y',
     'noisy_points',
     'pack_scene',
+    'place_columns',
     'rotate_scale',
     'select_points',
     'shape_columns',
