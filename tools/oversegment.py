@@ -1,4 +1,4 @@
-"""Divide a scan into regions: .bin, .npy, .npz, .txt, .xyz or .ply in; .ply, .npz or .html out."""
+"""Divide a scan of any usual kind into regions; .ply, .npz or .html out."""
 
 import argparse
 import sys
