@@ -196,7 +196,18 @@ def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
             out |= _named(values, path, names)
         else:
             out |= {f'{name}_{i}': values[:, i] for i in range(values.shape[1])}
-    return out
+    return _moved(out, arrays.get('origin'), path)
+
+
+def _moved(columns: dict[str, np.ndarray], origin: np.ndarray | None, path: Path) -> dict[str, np.ndarray]:
+    """World coordinates where an archive holds local ones and their origin, as our own predictions do."""
+    if origin is None or not {'x', 'y', 'z'} <= columns.keys():
+        return columns
+    if origin.shape != (3,) or not np.issubdtype(origin.dtype, np.number) or not np.isfinite(origin).all():
+        raise SceneError(f'{path}: origin: expected three finite numbers, got shape {origin.shape} of {origin.dtype}')
+    if not origin.any():
+        return columns
+    return columns | {axis: columns[axis].astype(np.float64) + origin[i] for i, axis in enumerate('xyz')}
 
 
 def _text(path: Path, names: str | None) -> dict[str, np.ndarray]:

@@ -59,7 +59,7 @@ def read_scan(
     - ``.npy``, ``.txt``, ``.xyz``, ``.csv``: columns by name where there is a header (or a structured array), else
       rows of 3, 4, 6 or 7 columns: x y z [intensity] [red green blue].
     - ``.npz``: ``xyz`` (or ``points`` with such columns), and where present ``colors``, ``intensity``, ``normals``,
-      ``label``, ``instance``.
+      ``label``, ``instance``; and ``origin`` (3,), which is added to the coordinates.
 
     Large coordinates move to a local frame, see :meth:`rm3d_plugin.structures.PointCloud.from_world`.
 

@@ -103,6 +103,20 @@ def test_tables_of_three_to_seven_columns(tmp_path):
                 assert cloud.intensity.tolist() == [0.5, 0.25]
 
 
+def test_an_archive_with_an_origin_lies_where_it_says(tmp_path):
+    origin = np.array([5e5, 5.4e6, 300.25])
+    np.savez(tmp_path / 'a.npz', xyz=XYZ.astype(np.float32), origin=origin)
+    cloud = read_cloud(tmp_path / 'a.npz')
+    np.testing.assert_allclose(
+        cloud.xyz.astype(float) + cloud.origin, XYZ.astype(np.float32) + origin, atol=1e-6, rtol=0
+    )
+    np.savez(tmp_path / 'b.npz', xyz=XYZ.astype(np.float32), origin=np.zeros(3))
+    np.testing.assert_array_equal(read_cloud(tmp_path / 'b.npz').xyz, XYZ.astype(np.float32))
+    np.savez(tmp_path / 'c.npz', xyz=XYZ, origin=np.array([1.0, np.nan, 0.0]))
+    with pytest.raises(SceneError, match='c.npz: origin: expected three finite numbers'):
+        read_cloud(tmp_path / 'c.npz')
+
+
 def test_bin_and_npz(tmp_path):
     np.c_[XYZ, [0.5, 1]].astype('<f4').tofile(tmp_path / 'a.bin')
     cloud = read_cloud(tmp_path / 'a.bin')

@@ -134,15 +134,16 @@ class ReportHook(Hook):
 
     def _val_records(self, runner: Runner) -> Iterator[SceneRecord]:
         for dataset, index in self._val_scenes(runner):
-            cloud, truth = dataset.load_cloud(index), dataset.load_truth(index)
+            cloud = dataset.load_cloud(index)
+            truth = dataset.load_truth(index) if dataset.labels == 'truth' else None  # else nobody may know it
             classes, instances = _segment(runner, dataset[index], len(cloud))
             yield SceneRecord(
                 f'validation scene {dataset.scene_ids[index]}',
                 cloud,
                 predicted=classes,
                 instances=instances,
-                truth=truth.semantic,
-                true_instances=truth.instance,
+                truth=None if truth is None else truth.semantic,
+                true_instances=None if truth is None else truth.instance,
             )
 
 
