@@ -1,16 +1,32 @@
-# What --demo changes for streets: embedded synthetic data, a smaller network, fewer epochs.
+# What --demo changes for streets: embedded synthetic data, a smaller network without augmented views, few small steps. The
+# scenes are so few that all stay in memory. Regions are smaller than on real scans, whose ground has wider stretches of a class.
 demo = dict(
     data_root='data/${demo_data.scenes}',
-    crop_points=20000,
-    rounds=5,
-    sigma=4,
-    batch_size=2,
+    crop_points=8000,
+    rounds=3,
+    sigma=12,
+    batch_size=1,
     voxel_size=0.2,
     widths=[16, 32, 48, 64],
     blocks=1,
-    param_scheduler='${restart_schedule}',
-    periods=[4, 4, 4, 4, 4],
-    restart_weights=[1, 1, 1, 1, 1],
-    learning_rate=4e-3,
-    val_rounds=5,
+    class_power=0.5,
+    aug_loss=None,
+    param_scheduler='${one_cycle}',
+    learning_rate=1e-2,  # from the first step on it would be too much
+    val_rounds=3,
+    checkpoint_interval='${sigma}',
+    ground_cell=1.0,
+    oversegmenter=dict(rest=dict(zeta=0.05)),
+    strategy=dict(mixed_regions='nearest'),
+    gamma=0.9,
 )
+one_cycle = [
+    dict(
+        type='OneCycleLR',
+        eta_max='${learning_rate}',
+        total_steps=36,  # epochs
+        pct_start=0.1,
+        by_epoch=True,
+        convert_to_iter_based=True,
+    )
+]

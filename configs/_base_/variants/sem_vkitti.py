@@ -7,4 +7,4 @@ _base_ = [
     '../schedules/segmentation.py',
     '../schedules/demo_streets.py',
 ]
-demo = dict(demo_data=dict(scenes='vkitti_streets', num_train=60, num_val=12, seed=0))
+demo = dict(demo_data=dict(scenes='vkitti_streets', num_train=16, num_val=14, seed=0))
