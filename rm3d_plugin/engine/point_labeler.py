@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import torch
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from rm3d_plugin.engine.base_labeler import BaseLabeler, Log, PointPrediction, SceneLabels
 from rm3d_plugin.engine.label_report import PointTruth, summarise_points
@@ -23,6 +23,8 @@ from rm3d_plugin.pseudo_labels.held_in import (
     split_held_in,
     without_new_labels,
 )
+from rm3d_plugin.pseudo_labels.propagate import seeded_regions, usual_lengths
+from rm3d_plugin.regions.features import region_lengths
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
@@ -99,6 +101,17 @@ class PointLabeler(BaseLabeler):
                 counts = counts - np.bincount(self.held_in(scene).classes, minlength=len(counts))
         return counts
 
+    @cached_property
+    def class_lengths(self) -> Float[np.ndarray, ' classes']:
+        """How long the regions of each class's revealed points usually are, over all scenes; metres, NaN: unknown."""
+        found: list[tuple[np.ndarray, np.ndarray]] = []
+        for scene in self.index_of:
+            prepared = self.prepared(scene)
+            seeded = seeded_regions(prepared.regions.labels, self.weak(scene).semantic)
+            found.append((seeded.classes, region_lengths(prepared.graph)[seeded.regions]))
+        classes, lengths = (np.concatenate([np.zeros(0), *part]) for part in zip(*found, strict=True))
+        return usual_lengths(classes, lengths, len(self.source.classes))
+
     def inform(self, model: Any) -> None:
         """Tell the model how often each class is revealed, where it asks for it."""
         if hasattr(model, 'set_class_counts'):
@@ -122,6 +135,7 @@ class PointLabeler(BaseLabeler):
             number,
             self.class_counts,
             tuple(self.source.thing_classes),
+            None if self.strategy.spread_extent is None else self.class_lengths,
         )
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 

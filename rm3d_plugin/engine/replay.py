@@ -24,14 +24,14 @@ from rm3d_plugin.pseudo_labels.draft import (
     supported_points,
 )
 from rm3d_plugin.pseudo_labels.ledger import extreme_merges, sentence
-from rm3d_plugin.pseudo_labels.propagate import mixed_regions, point_values, without_doubtful
+from rm3d_plugin.pseudo_labels.propagate import point_values, without_doubtful
 from rm3d_plugin.pseudo_labels.record import RefreshRecord
 from rm3d_plugin.regions import MergeLedger, MergeResult, MergeStrategy
 from rm3d_plugin.regions.merge import decide
 from rm3d_plugin.regions.similarity import PairTerms
 from rm3d_plugin.registry import SCOPE, TASK_UTILS
 from rm3d_plugin.storage import LabelStore
-from rm3d_plugin.structures import UNLABELLED, PseudoLabels, SceneError
+from rm3d_plugin.structures import PseudoLabels, SceneError
 
 FIXED = (
     'pooling',
@@ -41,6 +41,7 @@ FIXED = (
     'near_place',
     'near_color',
     'spread_color',
+    'spread_extent',
     'hold_in',
     'hold_in_margin',
 )
@@ -162,13 +163,12 @@ def decide_again(
 
 def _told_by_point(record: RefreshRecord, stored: PseudoLabels) -> Bool[np.ndarray, ' points']:
     """Points whose revealed neighbours decided one by one, so that no threshold of merging has a say in them."""
+    classes = (record.votes > 0).sum(axis=1)
     if record.strategy.spread_color is not None:
-        told = np.unique(record.point_region[stored.point_is_true])
-    elif record.strategy.mixed_regions == 'nearest':
-        told = mixed_regions(record.point_region, np.where(stored.point_is_true, stored.semantic, UNLABELLED))
+        told = classes > 0
     else:
-        told = np.zeros(0, dtype=np.int64)
-    return np.isin(record.point_region, told[told >= 0])
+        told = (classes > 1) & (record.strategy.mixed_regions == 'nearest')
+    return np.asarray(point_values(told, record.point_region, False))
 
 
 def compare(

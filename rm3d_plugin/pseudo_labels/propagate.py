@@ -278,9 +278,7 @@ def mixed_regions(
     region_labels: Int[np.ndarray, ' points'], true_labels: Int[np.ndarray, ' points']
 ) -> Int[np.ndarray, ' mixed']:
     """Regions that hold true labels of several classes, ascending."""
-    seeds = (true_labels >= 0) & (region_labels >= 0)
-    pairs = np.unique(np.stack([region_labels[seeds], true_labels[seeds]], axis=1), axis=0)
-    regions, classes = np.unique(pairs[:, 0], return_counts=True)
+    regions, classes = np.unique(seeded_regions(region_labels, true_labels).regions, return_counts=True)
     return np.asarray(regions[classes > 1], dtype=np.int64)
 
 
@@ -342,6 +340,63 @@ def nearest_true_classes(
     """
     mixed = np.isin(region_labels, mixed_regions(region_labels, true_labels))
     return np.where(mixed, np.append(true_labels, UNLABELLED)[seeds], UNLABELLED).astype(np.int64)
+
+
+class SeededRegions(NamedTuple):
+    """Each region with each class of which it holds a true label, in ascending order.
+
+    Attributes:
+        regions: (S,) int64.
+        classes: (S,) int64.
+    """
+
+    regions: Int[np.ndarray, ' pairs']
+    classes: Int[np.ndarray, ' pairs']
+
+
+def seeded_regions(region_labels: Int[np.ndarray, ' points'], true_labels: Int[np.ndarray, ' points']) -> SeededRegions:
+    """Which classes the true labels of each region name."""
+    seeds = (true_labels >= 0) & (region_labels >= 0)
+    pairs = np.unique(np.stack([region_labels[seeds], true_labels[seeds]], axis=1), axis=0).astype(np.int64)
+    return SeededRegions(pairs[:, 0], pairs[:, 1])
+
+
+def usual_lengths(
+    classes: Int[np.ndarray, ' pairs'], lengths: Float[np.ndarray, ' pairs'], count: int, least: int = 3
+) -> Float[np.ndarray, ' classes']:
+    """Median length of the regions in which labels of each class were revealed.
+
+    Args:
+        classes: Class of each seeded region, of all scenes.
+        lengths: Its length, metres.
+        count: Number of classes.
+        least: Regions that a class needs.
+
+    Returns:
+        (C,) metres; NaN for a class of fewer regions.
+    """
+    return np.array([np.median(own) if len(own := lengths[classes == c]) >= least else np.nan for c in range(count)])
+
+
+def quiet_seeds(
+    region_labels: Int[np.ndarray, ' points'],
+    true_labels: Int[np.ndarray, ' points'],
+    lengths: Float[np.ndarray, ' regions'],
+    usual: Float[np.ndarray, ' classes'],
+    factor: float,
+) -> Bool[np.ndarray, ' points']:
+    """True labels in a region that is far too long for their class: the picture's point that fell upon the wall.
+
+    Args:
+        region_labels: Region of each point, -1 = none.
+        true_labels: True class of each point, -1 = unknown.
+        lengths: Of each region, metres.
+        usual: Usual length for each class, see :func:`usual_lengths`; NaN: never too long.
+        factor: Lengths above this many usual ones are too long.
+    """
+    inside = (true_labels >= 0) & (region_labels >= 0)
+    limit = np.append(usual, np.nan)[true_labels] * factor
+    return np.asarray(inside & (np.append(lengths, 0.0)[region_labels] > limit))
 
 
 def unlike_seed(

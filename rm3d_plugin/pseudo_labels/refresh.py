@@ -34,6 +34,7 @@ from rm3d_plugin.pseudo_labels.propagate import (
     nearest_seeds,
     nearest_true_classes,
     point_values,
+    quiet_seeds,
     seen_rows,
     split_mixed,
     unlike_seed,
@@ -41,6 +42,7 @@ from rm3d_plugin.pseudo_labels.propagate import (
 )
 from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_by_boxes, known_points
 from rm3d_plugin.regions import MergeResult, MergeStrategy
+from rm3d_plugin.regions.features import region_lengths
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, RegionGraph, Regions
 
 BACKGROUND_CONFIDENCE = 0.9  # of what geometry alone calls background
@@ -151,12 +153,14 @@ def refresh_points(
     round: int,
     class_counts: Int[np.ndarray, ' classes'],
     thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...] = (),
+    class_lengths: Float[np.ndarray, ' classes'] | None = None,
 ) -> RefreshResult:
     """Point labels of one scene of a segmentation run: classes and instances, no boxes.
 
     A group that holds revealed points takes their majority class (or each point of a region with several classes takes
     that of a near one, see ``strategy.mixed_regions``; points of quite another colour may be left out, see
-    ``strategy.spread_color``), and each of its points the instance of the nearest of them.
+    ``strategy.spread_color``, and what is said of a region too long for its class, see
+    ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
     Other groups take the class that the network gives them with confidence, and are one instance each.
 
     Args:
@@ -171,6 +175,8 @@ def refresh_points(
         round: 0 .. strategy.rounds.
         class_counts: (C,) revealed points of each class; its length is the number of classes.
         thing_classes: Classes that have instances.
+        class_lengths: (C,) metres, how long the region of a revealed point of each class usually is, for
+            ``strategy.spread_extent``; NaN where unknown.
 
     Raises:
         ValueError: A row count does not fit.
@@ -179,9 +185,10 @@ def refresh_points(
     check_rows(len(xyz), regions=regions.labels, weak=weak)
     truth = known_points(weak)
     counts = np.asarray(class_counts)
-    grouped = _group(prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts)
+    spread = _that_spread(truth, regions, graph, class_lengths, strategy)
+    grouped = _group(prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts)
     draft = draft_of(grouped)
-    draft = _near_and_alike(draft, prepared_cloud, regions, truth, probabilities, strategy)
+    draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, strategy)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes)
@@ -217,6 +224,22 @@ def _group(
     if limits is not None:
         grouped = grouped._replace(groups=without_doubtful(grouped.groups, limits))
     return apply_quota(grouped, strategy, round)
+
+
+def _that_spread(
+    truth: Truth,
+    regions: Regions,
+    graph: RegionGraph,
+    class_lengths: Float[np.ndarray, ' classes'] | None,
+    strategy: MergeStrategy,
+) -> Truth:
+    """The truth without the points whose region is too long for their class: those speak for themselves alone."""
+    if strategy.spread_extent is None or class_lengths is None:
+        return truth
+    lengths = region_lengths(graph)
+    quiet = quiet_seeds(regions.labels, truth.semantic, lengths, class_lengths, strategy.spread_extent)
+    semantic = np.where(quiet, UNLABELLED, truth.semantic)
+    return truth._replace(semantic=semantic, instance=np.where(quiet, -1, truth.instance), seeds=semantic)
 
 
 def _near_and_alike(

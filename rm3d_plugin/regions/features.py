@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from rm3d_plugin.ops.color import rgb_to_lab
 from rm3d_plugin.ops.segment import segment_mean, segment_mean_axis, segment_sum
-from rm3d_plugin.structures import Descriptors, PointCloud, Regions, SceneError
+from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions, SceneError
 
 
 class RegionFeatures(NamedTuple):
@@ -57,6 +57,11 @@ def region_colors(cloud: PointCloud, regions: Regions) -> Float[np.ndarray, 'reg
     if cloud.intensity is not None:
         return segment_mean(cloud.intensity[:, None], regions.labels, len(regions))
     return None
+
+
+def region_lengths(graph: RegionGraph) -> Float[np.ndarray, ' regions']:
+    """Diagonal of each region's extents, metres."""
+    return np.linalg.norm(graph.extents, axis=1)
 
 
 def region_extents(xyz: Float[np.ndarray, 'points 3'], regions: Regions) -> Float[np.ndarray, 'regions 3']:

@@ -65,6 +65,9 @@ class MergeStrategy:
         spread_color: RGB difference, of 1, from the near and alike revealed point of a region up to which its points
             take a revealed class; the rest of the region asks the network. Smaller: fewer and purer labels. None: no
             limit. Segmentation of coloured scans only.
+        spread_extent: A revealed point speaks for its region only where that is at most this many times as long as the
+            regions of its class usually are (their median over all training scenes); else for itself alone, and the
+            region asks the network. Smaller: fewer and purer labels. None: no limit. Segmentation only.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
             neither trained on nor used for merging; 0: no check. Segmentation only.
         hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
@@ -102,6 +105,7 @@ class MergeStrategy:
     near_place: float = 0.5
     near_color: float = 0.16
     spread_color: float | None = None
+    spread_extent: float | None = None
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
 
@@ -118,8 +122,9 @@ class MergeStrategy:
         self._check('mixed_regions', self.mixed_regions in get_args(MixedRegions), f'one of {get_args(MixedRegions)}')
         for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
-        limit = self.spread_color
-        self._check('spread_color', limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
+        for name in ('spread_color', 'spread_extent'):
+            limit = getattr(self, name)
+            self._check(name, limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
         self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
         self._check('quota', self.quota is None or 0 < self.quota <= 1, 'a share in (0, 1], or None')

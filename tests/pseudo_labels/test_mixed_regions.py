@@ -12,7 +12,10 @@ from rm3d_plugin.pseudo_labels.propagate import (
     confident_parts,
     mixed_regions,
     nearest_seeds,
+    quiet_seeds,
+    seeded_regions,
     unlike_seed,
+    usual_lengths,
 )
 from rm3d_plugin.pseudo_labels.propagate import nearest_true_classes as classes_by_seeds
 from rm3d_plugin.regions import MergeLedger, MergeStrategy
@@ -135,6 +138,63 @@ def test_points_of_another_colour_wait_for_the_network_and_a_replay_keeps_that()
     assert (second.labels.semantic[kept] == first.semantic[kept]).all()
     ledger = MergeLedger.from_arrays(second.merge.ledger.to_arrays())
     assert (decide_again(ledger, second.labels, first).semantic == second.labels.semantic).all()
+
+
+def test_usual_lengths_are_medians_of_enough_regions():
+    region = np.array([0, 0, 0, 1, 1, 2, -1])
+    truth = np.array([2, 2, 0, -1, 2, 2, 0])
+    seeded = seeded_regions(region, truth)
+    assert list(zip(seeded.regions.tolist(), seeded.classes.tolist(), strict=True)) == [(0, 0), (0, 2), (1, 2), (2, 2)]
+    usual = usual_lengths(seeded.classes, np.array([9.0, 9.0, 1.0, 2.0]), 4)
+    np.testing.assert_array_equal(usual, [np.nan, np.nan, 2.0, np.nan])  # one region of class 0: not enough
+    assert len(usual_lengths(np.zeros(0, dtype=int), np.zeros(0), 2)) == 2
+
+
+def test_a_point_that_fell_upon_the_wall_speaks_for_itself_alone():
+    region, truth = np.array([0, 0, 1, 1, -1]), np.array([3, 0, 3, -1, 3])
+    lengths, usual = np.array([6.0, 1.0]), np.array([5.0, np.nan, np.nan, 1.2])
+    assert quiet_seeds(region, truth, lengths, usual, 3.0).tolist() == [True, False, False, False, False]
+    assert not quiet_seeds(region, truth, lengths, np.full(4, np.nan), 3.0).any()
+
+
+def test_regions_too_long_for_their_class_wait_for_the_network_and_a_replay_keeps_that():
+    patches = make_patches(1, revealed=0.05)
+    lengths = np.linalg.norm(patches.graph.extents, axis=1)
+    known = patches.weak.semantic >= 0
+    asked = int(patches.weak.semantic[known][0])
+    usual = np.full(len(patches.counts), np.nan)
+    usual[asked] = 0.4 * lengths.min()
+    strategy = replace(NEAREST, spread_extent=2.0, gamma=0.9)
+
+    def refresh(probabilities, previous, round):
+        scene = (patches.cloud, patches.regions, patches.graph, patches.weak)
+        options = (probabilities, None, previous, strategy, round, patches.counts, (0,))
+        return refresh_points(*scene, *options, class_lengths=usual)
+
+    first = refresh(None, None, 0).labels
+    assert (first.semantic == asked).sum() == (patches.weak.semantic == asked).sum() > 0
+    assert (first.semantic[known] == patches.weak.semantic[known]).all()
+    others = np.unique(patches.regions.labels[known & (patches.weak.semantic != asked)])
+    assert (first.semantic[np.isin(patches.regions.labels, others)] >= 0).all()
+    second = refresh(np.eye(len(patches.counts))[patches.truth], first, 1)
+    assert second.labels.coverage == 1.0 and (second.labels.semantic == patches.truth).mean() > 0.9
+    ledger = MergeLedger.from_arrays(second.merge.ledger.to_arrays())
+    assert (decide_again(ledger, second.labels, first).semantic == second.labels.semantic).all()
+    unlimited = replace(strategy, spread_extent=None)
+    plain = refresh_points(
+        patches.cloud,
+        patches.regions,
+        patches.graph,
+        patches.weak,
+        None,
+        None,
+        None,
+        unlimited,
+        0,
+        patches.counts,
+        (0,),
+    )
+    assert plain.labels.coverage > first.coverage
 
 
 def test_the_choice_is_checked():

@@ -1,6 +1,8 @@
 # How points become regions and regions merge (METHOD 3, 5, 6), with lengths for rooms at 1 to 5 cm between points.
 _base_ = './points.py'
 descriptor = dict(type='AdaptedPFH', radius=0.1)
-oversegmenter = dict(type='RegionGrowing', zeta=0.015, max_color_step=0.12)
+oversegmenter = dict(type='RegionGrowing', zeta=0.015, max_color_step=0.2)
 max_gap = 0.1  # m between adjacent regions
-strategy = dict(rounds='${rounds}', centre_distance=0.3, mixed_regions='nearest', spread_color=0.3)
+strategy = dict(
+    rounds='${rounds}', centre_distance=0.3, mixed_regions='nearest', spread_color=0.45, spread_extent=3.0
+)
