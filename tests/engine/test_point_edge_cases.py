@@ -91,7 +91,7 @@ def batch_of(*items):
 
 
 def learn_and_predict(network, made, dataset_of):
-    """One step and one prediction on the current labels; all finite."""
+    """One step and one prediction on the current labels, of classes and instances; all finite."""
     made.use(1)
     dataset = dataset_of(labels='store', label_store=made.store.root)
     network.set_class_counts(torch.from_numpy(made.class_counts))
@@ -102,7 +102,11 @@ def learn_and_predict(network, made, dataset_of):
     assert all(torch.isfinite(p.grad).all() for p in network.parameters() if p.grad is not None)
     network.eval()
     samples = network(**network.data_preprocessor(batch, False), mode='predict')
-    assert all(torch.isfinite(sample.pred_point_probs).all() for sample in samples)
+    for sample in samples:
+        points, found = len(sample.pred_point_probs), len(sample.pred_instance_labels)
+        assert torch.isfinite(sample.pred_point_probs).all() and torch.isfinite(sample.pred_point_centers).all()
+        assert sample.pred_point_centers.shape == (points, 3) and sample.pred_instance_masks.shape == (found, points)
+        assert torch.isfinite(sample.pred_instance_scores).all() and set(sample.pred_instance_labels.tolist()) <= {1}
     return samples
 
 
