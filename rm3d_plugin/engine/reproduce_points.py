@@ -27,7 +27,7 @@ CONFIGS = Path(__file__).resolve().parents[2] / 'configs'
 OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
 SETTINGS = """
     rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline point_columns
-    voxel_size widths blocks class_power gamma strategy oversegmenter ground_cell
+    voxel_size widths blocks class_power gamma strategy oversegmenter
 """.split()  # of those that are about scans with few labels, not about a data set
 METHODS: dict[str, dict[str, Any]] = {'weak': {'spread': False, 'label_rounds': 1}, 'rm3d': {}}
 SCORED = [
@@ -127,7 +127,7 @@ def propagate(
     scores = {}
     for method, settings in METHODS.items():
         work_dir = out / f'{scan.name.replace(" ", "_").replace("/", "_").lower()}_{method}'
-        config = _config(scan, work_dir, {**settings, **(options or {})})
+        config = run_config(scan, work_dir, {**settings, **(options or {})})
         if not read_record(work_dir)['final']:
             log(f'{work_dir}: training')
             train(config)
@@ -138,9 +138,16 @@ def propagate(
     )
 
 
-def _config(scan: Scan, work_dir: Path, options: Mapping[str, Any]) -> Any:
+def run_config(scan: Scan, work_dir: Path, options: Mapping[str, Any]) -> Any:
+    """Config of a run on one scan: the data set of its leaf, and how own scans are learnt.
+
+    Args:
+        scan: Which.
+        work_dir: Of the run.
+        options: Further config keys; they win.
+    """
     own = Config.fromfile(str(CONFIGS / f'{OWN_SCANS}.py'))
-    keys = {name: own[name] for name in SETTINGS} | {'budget': BUDGET, 'val_evaluator': SCORED}
+    keys = {name: own[name] for name in SETTINGS} | {'budget': BUDGET, 'val_evaluator': SCORED, 'voxel_thin': None}
     init_default_scope(SCOPE)
     config = load_config(CONFIGS / f'{scan.config}.py', work_dir, options=keys | dict(scan.options) | dict(options))
     set_threads(int(config.threads))
