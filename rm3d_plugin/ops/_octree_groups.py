@@ -151,16 +151,23 @@ def _scratch(size):
 
 
 @njit(cache=True, nogil=True)
+def _largest(radii, rows, first, size):
+    """The largest radius of a group."""
+    reach = 0.0
+    for row in range(first, first + size):
+        reach = max(reach, radii[rows[row]])
+    return reach
+
+
+@njit(cache=True, nogil=True)
 def count_groups(tree, queries, rows, radii, counts):
     """Points within ``radii`` of ``queries[rows]``, into ``counts[rows]``; visited octants."""
     stack, ranges, box = np.empty(STACK, np.int32), np.empty((len(tree[2]), 2), np.int32), np.empty(6)
     near, who, squares, _, _ = _scratch(0)
     visits = first = 0
     while first < len(rows):
-        reach = radii[rows[first]]
-        size = _next_group(queries, rows, first, len(rows), SPREAD * reach, box)
-        for row in range(first + 1, first + size):
-            reach = max(reach, radii[rows[row]])
+        size = _next_group(queries, rows, first, len(rows), SPREAD * radii[rows[first]], box)
+        reach = _largest(radii, rows, first, size)
         spans, total, looked = _near_ranges(tree, box, reach * reach, stack, ranges)
         visits += looked
         if total >= len(who):
@@ -183,10 +190,8 @@ def radius_groups(tree, queries, rows, radii, ordered):
     indices, dists = np.empty(capacity, np.int32), np.empty(capacity)
     filled = visits = first = 0
     while first < len(rows):
-        reach = radii[rows[first]]
-        size = _next_group(queries, rows, first, len(rows), SPREAD * reach, box)
-        for row in range(first + 1, first + size):
-            reach = max(reach, radii[rows[row]])
+        size = _next_group(queries, rows, first, len(rows), SPREAD * radii[rows[first]], box)
+        reach = _largest(radii, rows, first, size)
         spans, total, looked = _near_ranges(tree, box, reach * reach, stack, ranges)
         visits += looked
         if total >= len(who):
@@ -232,9 +237,7 @@ def nearest_groups(tree, queries, rows, k, radii, counts, indices, dists):
         reach = 0.0
         found = 0
         if not alone:
-            for row in range(first, first + size):
-                reach = max(reach, radii[rows[row]])
-            reach = min(reach, guess)
+            reach = min(_largest(radii, rows, first, size), guess)
             spans, total, looked = _near_ranges(tree, box, reach * reach, stack, ranges)
             visits += looked
             alone = size == 1 or total > CROWD * (k + size)

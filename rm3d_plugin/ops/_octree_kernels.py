@@ -151,6 +151,21 @@ def radius_block(tree, queries, rows, low, radii, margin, rules, ordered):
 
 
 @njit(cache=True, nogil=True)
+def _keep_nearest(keys, values, found, k, sq, index):
+    """Offer a point to the k nearest of ``found`` ones so far, a max-heap once there are k; how many there are now."""
+    if found < k:
+        keys[found], values[found] = sq, index
+        if found + 1 == k:
+            for root in range(k // 2 - 1, -1, -1):
+                _sift_down(keys, values, 0, root, k)
+        return found + 1
+    if sq < keys[0] or (sq == keys[0] and index < values[0]):
+        keys[0], values[0] = sq, index
+        _sift_down(keys, values, 0, 0, k)
+    return k
+
+
+@njit(cache=True, nogil=True)
 def nearest_row(tree, x, y, z, k, limit, stack, near, keys, values):
     """The k nearest points within ``sqrt(limit)`` of one query into ``keys`` and ``values``: how many, octants visited.
 
@@ -187,18 +202,9 @@ def nearest_row(tree, x, y, z, k, limit, stack, near, keys, values):
             sq = dx * dx + dy * dy + dz * dz
             if sq > limit:
                 continue
-            index = order[i]
-            if found < k:
-                keys[found], values[found] = sq, index
-                found += 1
-                if found == k:
-                    for root in range(k // 2 - 1, -1, -1):
-                        _sift_down(keys, values, 0, root, k)
-                    limit = min(limit, keys[0])
-            elif sq < keys[0] or (sq == keys[0] and index < values[0]):
-                keys[0], values[0] = sq, index
-                _sift_down(keys, values, 0, 0, k)
-                limit = keys[0]
+            found = _keep_nearest(keys, values, found, k, sq, order[i])
+            if found == k:
+                limit = min(limit, keys[0])
     if found == k:
         _unwind_heap(keys, values, 0, k)
     else:
