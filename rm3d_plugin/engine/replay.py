@@ -42,6 +42,7 @@ FIXED = (
     'near_color',
     'spread_color',
     'spread_extent',
+    'present_only',
     'hold_in',
     'hold_in_margin',
 )

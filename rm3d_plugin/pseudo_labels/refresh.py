@@ -33,6 +33,7 @@ from rm3d_plugin.pseudo_labels.propagate import (
     nearest_instances,
     nearest_seeds,
     nearest_true_classes,
+    of_present_classes,
     point_values,
     quiet_seeds,
     seen_rows,
@@ -185,6 +186,9 @@ def refresh_points(
     check_rows(len(xyz), regions=regions.labels, weak=weak)
     truth = known_points(weak)
     counts = np.asarray(class_counts)
+    if probabilities is not None and strategy.present_only:
+        check_rows(len(xyz), probabilities=probabilities)
+        probabilities = of_present_classes(probabilities, truth.semantic)
     spread = _that_spread(truth, regions, graph, class_lengths, strategy)
     grouped = _group(prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts)
     draft = draft_of(grouped)

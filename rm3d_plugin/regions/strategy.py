@@ -68,6 +68,9 @@ class MergeStrategy:
         spread_extent: A revealed point speaks for its region only where that is at most this many times as long as the
             regions of its class usually are (their median over all training scenes); else for itself alone, and the
             region asks the network. Smaller: fewer and purer labels. None: no limit. Segmentation only.
+        present_only: A scene with revealed points holds no other classes than theirs, so the network's word is taken
+            among these alone. True of budgets that reveal a point of each class there is, as all budgets of points
+            here do; not of clicks that leave out a class. Segmentation only.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
             neither trained on nor used for merging; 0: no check. Segmentation only.
         hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
@@ -106,6 +109,7 @@ class MergeStrategy:
     near_color: float = 0.16
     spread_color: float | None = None
     spread_extent: float | None = None
+    present_only: bool = False
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
 
@@ -138,7 +142,7 @@ class MergeStrategy:
         distances = self.centre_distance if isinstance(self.centre_distance, tuple) else (self.centre_distance,)
         self._check('centre_distance', all(d is None or d > 0 for d in distances), 'metres > 0, or None')
         switches = [f.name for f in fields(self) if f.name.startswith('use_')]
-        for name in (*switches, 'weight_balancing', 'permanent'):
+        for name in (*switches, 'weight_balancing', 'permanent', 'present_only'):
             self._check(name, isinstance(getattr(self, name), bool), 'True or False')
 
     def _check(self, name: str, good: bool, expected: str) -> None:
