@@ -77,7 +77,7 @@ def group_regions(
     result = merge(regions, graph, pooled.values, known.labels, strategy, round, pooled_centers, known.instances)
     # What a box tells exactly shall not speak for the rest of its region.
     bounded = (truth.semantic >= 0) & (truth.seeds < 0)
-    outside = pool_rows(rows, seen & ~bounded, regions.labels, count, strategy.pooling)
+    outside = pool_rows(rows, seen & ~bounded, regions.labels, count, strategy.pooling) if bounded.any() else pooled
     ranges = sensor_ranges(cloud)
     record = RefreshRecord(
         curvatures=graph.curvatures,

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from rm3d_plugin.regions.strategy import Pooling
@@ -68,9 +69,8 @@ def pool_rows(
         pooled = np.where(number[:, None] > 0, pooled, 1.0)
         pooled /= pooled.sum(axis=1, keepdims=True)
     else:
-        sums = [np.bincount(where, weights=column, minlength=count) for column in rows.T]
-        pooled = np.stack(sums, axis=1) if sums else np.zeros((count, 0))
-        pooled = pooled / np.maximum(number, 1)[:, None]
+        members = csr_array((np.ones(len(where)), (where, np.arange(len(where)))), shape=(count, len(where)))
+        pooled = members @ rows / np.maximum(number, 1)[:, None]
     pooled[number == 0] = np.nan
     return Pooled(pooled, number)
 

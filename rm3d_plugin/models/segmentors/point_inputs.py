@@ -95,20 +95,27 @@ def point_inputs(
             parts.append(2.0 * points[:, first : first + _WIDTHS[name]] - 1.0)
         first += _WIDTHS[name]
     bounds = batch_offsets.tolist()
-    places = torch.cat([_place(points[a:b, :3], settings) for a, b in zip(bounds[:-1], bounds[1:], strict=True)])
+    scenes = [points[a:b, :3] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
     if settings.height:
-        parts.append(places[:, 2:])
+        parts.append(torch.cat([_height(xyz[:, 2:], settings.height_scale) for xyz in scenes]))
     if settings.coordinates:
-        parts.append(places[:, :2])
+        parts.append(torch.cat([_place(xyz[:, :2], settings.extent) for xyz in scenes]))
     return torch.cat([*parts, torch.ones_like(points[:, :1])], dim=1)
 
 
-def _place(xyz: Float[Tensor, 'points 3'], settings: PointInputs) -> Float[Tensor, 'points 3']:
-    if len(xyz) == 0:
-        return xyz
-    ordered = xyz.sort(dim=0).values
-    middle, floor = ordered[len(xyz) // 2, :2], ordered[int(_FLOOR * len(xyz)), 2]
-    across = xyz[:, :2] - middle
-    across = across / (across.abs() + settings.extent)
-    up = ((xyz[:, 2:] - floor) / settings.height_scale).clamp(-1.0, 2.0)
-    return torch.cat([across, up], dim=1)
+def _height(z: Float[Tensor, 'points 1'], scale: float) -> Float[Tensor, 'points 1']:
+    if len(z) == 0:
+        return z
+    return ((z - _ranked(z, int(_FLOOR * len(z)))) / scale).clamp(-1.0, 2.0)
+
+
+def _place(xy: Float[Tensor, 'points 2'], extent: float) -> Float[Tensor, 'points 2']:
+    if len(xy) == 0:
+        return xy
+    across = xy - _ranked(xy, len(xy) // 2)
+    return across / (across.abs() + extent)
+
+
+def _ranked(values: Float[Tensor, 'points axes'], rank: int) -> Float[Tensor, ' axes']:
+    """Of each column, the value that so many are not above."""
+    return values.kthvalue(rank + 1, dim=0).values
