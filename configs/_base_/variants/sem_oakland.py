@@ -6,8 +6,4 @@ _base_ = [
     '../regions/outdoor_tiles.py',
     '../schedules/tiles.py',
 ]
-sigma = 34
-periods = [34, 68]  # epochs
 checkpoint_interval = '${sigma}'
-class_power = 0.7
-model = dict(inference=dict(votes=4))  # at test time tiles are read from four sides
