@@ -62,6 +62,7 @@ class Spread:
         filled: The same, and what they do not reach as the nearest point that they reach.
         network: Network trained by the whole method.
         rm3d: The whole method: points with a label in the last round have it, the network says what the others are.
+        spread: The same labels, and the others as the nearest point that has one.
     """
 
     weak: float
@@ -70,6 +71,7 @@ class Spread:
     filled: float
     network: float
     rm3d: float
+    spread: float
 
 
 COLUMNS = {
@@ -78,7 +80,8 @@ COLUMNS = {
     'regions': 'regions, the rest wrong',
     'filled': 'regions, the rest as the nearest',
     'network': "RM3D's network",
-    'rm3d': 'RM3D',
+    'rm3d': "RM3D's labels, the rest by its network",
+    'spread': "RM3D's labels, the rest as the nearest",
 }
 
 
@@ -132,10 +135,8 @@ def propagate(
             log(f'{work_dir}: training')
             train(config)
         scores[method] = read_record(work_dir)['final']
-    alone = without_network(config, work_dir)
-    return Spread(
-        weak=scores['weak']['mIoU'], **alone, network=scores['rm3d']['network/mIoU'], rm3d=scores['rm3d']['mIoU']
-    )
+    trained = {'network': scores['rm3d']['network/mIoU'], 'rm3d': scores['rm3d']['mIoU']}
+    return Spread(weak=scores['weak']['mIoU'], **trained, **labels_alone(config, work_dir))
 
 
 def run_config(scan: Scan, work_dir: Path, options: Mapping[str, Any]) -> Any:
@@ -154,17 +155,19 @@ def run_config(scan: Scan, work_dir: Path, options: Mapping[str, Any]) -> Any:
     return config
 
 
-def without_network(config: Any, work_dir: Path) -> dict[str, float]:
-    """How good labels are that need no network, by the columns of :class:`Spread`: mIoU in percent.
+def labels_alone(config: Any, work_dir: Path) -> dict[str, float]:
+    """How good labels are where no network is asked in the end, by the columns of :class:`Spread`: mIoU in percent.
 
     Args:
         config: Of a run whose scenes are scored.
-        work_dir: Its folder; round 0 of its labels is what regions alone say.
+        work_dir: Its folder; round 0 of its labels is what regions alone say, the last is what all rounds say.
     """
     with config_errors(config):
         dataset = DATASETS.build({**config.val_dataloader.dataset, 'pipeline': []})
     store, classes = LabelStore(work_dir / 'labels'), len(dataset.classes)
-    counts = {name: np.zeros((classes, classes + 1), dtype=np.int64) for name in ('nearest', 'regions', 'filled')}
+    counts = {
+        name: np.zeros((classes, classes + 1), dtype=np.int64) for name in ('nearest', 'regions', 'filled', 'spread')
+    }
     for index, scene in enumerate(dataset.scene_ids):
         labels, xyz = store.read(scene, 0), dataset.load_cloud(index).xyz
         hidden = np.where(labels.point_is_true, UNLABELLED, dataset.load_truth(index).semantic)
@@ -172,6 +175,7 @@ def without_network(config: Any, work_dir: Path) -> dict[str, float]:
             'nearest': _nearest(xyz, np.where(labels.point_is_true, labels.semantic, UNLABELLED)),
             'regions': labels.semantic,
             'filled': _nearest(xyz, labels.semantic),
+            'spread': _nearest(xyz, store.read(scene, store.rounds()[-1]).semantic),
         }
         for name, rows in said.items():
             counts[name] += confusion_counts(rows, hidden, classes)

@@ -7,11 +7,11 @@ from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.reproduce_points import (
     CONFIGS,
     Scan,
+    labels_alone,
     oakland_scans,
     propagation_table,
     run_config,
     semantickitti_scans,
-    without_network,
 )
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
@@ -62,14 +62,19 @@ def test_what_needs_no_network_is_scored_on_hidden_points(tmp_path):
     store = LabelStore(tmp_path / 'run' / 'labels')
     semantic = np.where(rows < 5, 3, np.where(rows == 9, 5, -1))
     nobody, true = np.full(10, -1), (rows == 0) | (rows == 9)
-    store.begin_round(0)
-    sure = (semantic >= 0).astype(np.float32)
-    store.write(0, 'a', PseudoLabels(semantic, nobody, true, sure, Boxes3D.empty(), true[:0]))
-    store.finish_round(0)
-    got = without_network(config, tmp_path / 'run')
+    for number, last in (
+        (0, semantic),
+        (1, np.where(rows == 6, 5, semantic)),
+    ):  # the next round finds that 6 is a vehicle
+        store.begin_round(number)
+        sure = (last >= 0).astype(np.float32)
+        store.write(number, 'a', PseudoLabels(last, nobody, true, sure, Boxes3D.empty(), true[:0]))
+        store.finish_round(number)
+    got = labels_alone(config, tmp_path / 'run')
     assert got['nearest'] == pytest.approx(100 * (4 / 5 + 3 / 4) / 2)  # 5 is nearer to 9: taken for a vehicle
     assert got['regions'] == pytest.approx(100 * (4 / 5 + 0) / 2)
     assert got['filled'] == pytest.approx(100 * (5 / 6 + 2 / 3) / 2)  # 6 is nearer to 4 than to 9
+    assert got['spread'] == pytest.approx(100.0)
 
 
 def test_without_real_scans_it_says_where_it_looked(tmp_path):
