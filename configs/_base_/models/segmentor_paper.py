@@ -22,10 +22,11 @@ use_columns = '${point_columns}'  # []: a network that sees shapes only
 class_balance = 'none'  # 'frequency': by the revealed labels; 'batch': by the labels of a batch
 pseudo_weight = 1.0  # of a label that the budget did not reveal
 aug_loss = dict(type='JSAugLoss')
-dice_loss = None  # dict(type='DiceLoss') with instances
+dice_loss = None  # dict(type='DiceLoss', loss_weight='${dice_weight}') with instances
 instance_head = None
 point_group = dict(
     type='PointGroupHead',
+    offset_loss=dict(loss_weight='${offset_weight}'),
     proposals=dict(
         radius='${cluster_radius}',
         cluster_points='${cluster_points}',
@@ -34,6 +35,8 @@ point_group = dict(
         coordinates='both',
     ),
 )
+offset_weight = 1.0  # of the offsets' loss, with instances; smaller: classes are learnt faster
+dice_weight = 1.0  # of the masks' loss
 cluster_radius = 0.03  # m
 cluster_points = 50
 min_proposal_points = 100
