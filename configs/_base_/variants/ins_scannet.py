@@ -7,6 +7,5 @@ demo = dict(
     cluster_radius=0.08,  # m; there is a point each 4 cm
     cluster_points=20,
     min_proposal_points=40,
-    offset_weight=0.3,  # in so few steps the classes, which the instances need, would be learnt too late
-    dice_weight=0.1,
+    dice_weight=0.1,  # in so few steps the classes, which the instances need, would be learnt too late
 )
