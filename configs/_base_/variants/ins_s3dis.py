@@ -3,9 +3,4 @@ _base_ = './sem_s3dis.py'
 instance_head = '${point_group}'
 dice_loss = dict(_delete_=True, type='DiceLoss', loss_weight='${dice_weight}')
 val_evaluator = [dict(type='SemSegMetric'), dict(type='S3DISInstanceMetric')]
-demo = dict(
-    cluster_radius=0.08,  # m; there is a point each 4 cm
-    cluster_points=20,
-    min_proposal_points=40,
-    dice_weight=0.1,  # in so few steps the classes, which the instances need, would be learnt too late
-)
+demo = dict(cluster_radius=0.08, cluster_points=20, min_proposal_points=40)  # a point each 4 cm
