@@ -107,6 +107,23 @@ def test_a_resumed_run_goes_on_with_what_is_there(tmp_path):
     assert again.is_finished(0)
 
 
+def test_points_do_not_name_regions_far_longer_than_their_class_has_elsewhere(tmp_path):
+    limited = labeler(tmp_path, strategy={'spread_extent': 0.9})
+    lengths = [[] for _ in limited.source.classes]
+    for scene in limited.index_of:
+        prepared, semantic = limited.prepared(scene), limited.weak(scene).semantic
+        for region in range(len(prepared.regions)):
+            members = prepared.regions.labels == region
+            for c in np.unique(semantic[members & (semantic >= 0)]):
+                lengths[c].append(np.sqrt(np.square(prepared.graph.extents[region]).sum()))
+    usual = [np.median(own) if len(own) >= 3 else np.nan for own in lengths]
+    np.testing.assert_allclose(limited.class_lengths, usual)
+    limited.start(keep=False, log=lambda text: None)
+    free = labeler(tmp_path / 'free')
+    free.start(keep=False, log=lambda text: None)
+    assert 0.001 < limited.store.summary(0)['coverage'] < free.store.summary(0)['coverage']
+
+
 # ---------------------------------------------------------------------- points kept aside
 
 
