@@ -2,12 +2,12 @@
 # scenes are so few that all stay in memory. Regions are smaller than on real scans, whose ground has wider stretches of a class.
 demo = dict(
     data_root='data/${demo_data.scenes}',
-    crop_points=8000,
+    crop_points=24000,
     rounds=3,
     sigma=12,
     batch_size=1,
-    voxel_size=0.2,
-    widths=[16, 32, 48, 64],
+    voxel_size=0.3,
+    widths=[16, 32, 48, 64, 80, 96],
     blocks=1,
     class_power=0.5,
     aug_loss=None,
