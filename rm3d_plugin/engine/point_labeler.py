@@ -23,7 +23,7 @@ from rm3d_plugin.pseudo_labels.held_in import (
     split_held_in,
     without_new_labels,
 )
-from rm3d_plugin.pseudo_labels.propagate import seeded_regions, usual_lengths
+from rm3d_plugin.pseudo_labels.spread import seeded_regions, usual_lengths
 from rm3d_plugin.regions.features import region_lengths
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, PseudoLabels

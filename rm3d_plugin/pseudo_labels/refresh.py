@@ -29,17 +29,19 @@ from rm3d_plugin.pseudo_labels.objects import (
 )
 from rm3d_plugin.pseudo_labels.propagate import (
     confident_parts,
-    mixed_regions,
     nearest_instances,
-    nearest_seeds,
-    nearest_true_classes,
     of_present_classes,
     point_values,
-    quiet_seeds,
     seen_rows,
     split_mixed,
-    unlike_seed,
     without_doubtful,
+)
+from rm3d_plugin.pseudo_labels.spread import (
+    mixed_regions,
+    nearest_seeds,
+    nearest_true_classes,
+    quiet_seeds,
+    unlike_seed,
 )
 from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_by_boxes, known_points
 from rm3d_plugin.regions import MergeResult, MergeStrategy

@@ -8,17 +8,16 @@ from pseudo_labels.patches import make_patches
 
 from rm3d_plugin.engine.replay import decide_again
 from rm3d_plugin.pseudo_labels import refresh_points
-from rm3d_plugin.pseudo_labels.propagate import (
-    confident_parts,
+from rm3d_plugin.pseudo_labels.propagate import confident_parts, of_present_classes
+from rm3d_plugin.pseudo_labels.spread import (
     mixed_regions,
     nearest_seeds,
-    of_present_classes,
     quiet_seeds,
     seeded_regions,
     unlike_seed,
     usual_lengths,
 )
-from rm3d_plugin.pseudo_labels.propagate import nearest_true_classes as classes_by_seeds
+from rm3d_plugin.pseudo_labels.spread import nearest_true_classes as classes_by_seeds
 from rm3d_plugin.regions import MergeLedger, MergeStrategy
 from rm3d_plugin.structures import PointCloud, Regions
 
