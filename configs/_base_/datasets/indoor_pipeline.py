@@ -2,7 +2,6 @@
 _base_ = './points.py'
 crop_points = 250000
 elastic_prob = 0.95
-aug_prob = 1.0  # share of scenes with a second view for the consistency loss; smaller: faster
 train_pipeline = [
     dict(type='RandomCrop', max_points='${crop_points}', shape='column'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),

@@ -10,7 +10,7 @@ train_pipeline = [
     dict(type='ClassCrop', max_points='${crop_points}'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
     dict(type='RandomFlipY', prob=0.5),
-    dict(type='AugmentedView'),
+    dict(type='AugmentedView', prob='${aug_prob}'),
     dict(type='PackScene'),
 ]
 eval_pipeline = [dict(type='ShapeFeatures', cache='${cache_dir}'), dict(type='LevelGround'), dict(type='PackScene')]

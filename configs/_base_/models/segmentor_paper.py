@@ -6,7 +6,12 @@ model = dict(
     num_classes='${num_classes}',
     inputs=dict(columns='${point_columns}', use='${use_columns}', coordinates='${use_coordinates}'),
     backbone=dict(type='SparseUNet', voxel_size='${voxel_size}', widths='${widths}', blocks='${blocks}'),
-    semantic_head=dict(type='SemanticHead', balance='${class_balance}', pseudo_weight='${pseudo_weight}'),
+    semantic_head=dict(
+        type='SemanticHead',
+        balance='${class_balance}',
+        pseudo_weight='${pseudo_weight}',
+        true_share='${true_share}',
+    ),
     instance_head='${instance_head}',
     aug_loss='${aug_loss}',
     dice_loss='${dice_loss}',
@@ -21,7 +26,9 @@ use_coordinates = False  # True: the place in the scene too; crops then differ f
 use_columns = '${point_columns}'  # []: a network that sees shapes only
 class_balance = 'none'  # 'frequency': by the revealed labels; 'batch': by the labels of a batch
 pseudo_weight = 1.0  # of a label that the budget did not reveal
+true_share = None  # of L_WSL that revealed labels have, however few; None: all labels alike
 aug_loss = dict(type='JSAugLoss')
+aug_prob = 1.0  # share of scenes with a second view for that loss; smaller: faster
 dice_loss = None  # dict(type='DiceLoss', loss_weight='${dice_weight}') with instances
 instance_head = None
 point_group = dict(

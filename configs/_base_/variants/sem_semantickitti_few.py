@@ -21,7 +21,7 @@ train_pipeline = [
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.8, 1.2]),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='PointNoise', jitter=0.02, columns=0.05),  # m; shape columns
-    dict(type='AugmentedView'),
+    dict(type='AugmentedView', prob='${aug_prob}'),
     dict(type='PackScene'),
 ]
 crop_points = 16000

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from rm3d_plugin.models.heads.point_labels import PointLabels
 from rm3d_plugin.models.losses.point_cross_entropy import class_balance
 from rm3d_plugin.registry import MODELS
+from rm3d_plugin.structures import UNLABELLED
 
 Balance = Literal['none', 'frequency', 'batch']
 
@@ -44,6 +45,8 @@ class SemanticHead(nn.Module):
         power: How much more: weight of a class = count^-power. 0.5: inverse square root; larger: rarer classes gain.
         pseudo_weight: Weight of a label that the budget did not reveal, against 1 of a revealed one; smaller: trusts
             pseudo labels less.
+        true_share: In (0, 1): share of L_WSL that the mean over revealed labels has, however few they are; that over
+            pseudo labels has the rest. Larger: trusts pseudo labels less. None: all labels are averaged together.
         class_counts: Revealed labels of each class, where they are known beforehand.
     """
 
@@ -57,6 +60,7 @@ class SemanticHead(nn.Module):
         balance: Balance = 'none',
         power: float = 0.5,
         pseudo_weight: float = 1.0,
+        true_share: float | None = None,
         class_counts: Sequence[int] | None = None,
     ) -> None:
         super().__init__()
@@ -64,6 +68,9 @@ class SemanticHead(nn.Module):
             raise ValueError(f'SemanticHead.balance: expected one of {get_args(Balance)}, got {balance!r}')
         if pseudo_weight < 0:
             raise ValueError(f'SemanticHead.pseudo_weight: expected 0 or more, got {pseudo_weight}')
+        if true_share is not None and not 0 < true_share < 1:
+            raise ValueError(f'SemanticHead.true_share: expected a share between 0 and 1, or None, got {true_share}')
+        self.true_share = true_share
         self.num_classes, self.balance, self.power, self.pseudo_weight = num_classes, balance, power, pseudo_weight
         self.linear = nn.Linear(in_channels, num_classes)
         self.loss_part = MODELS.build({'type': 'PointCrossEntropyLoss', **(loss or {})})
@@ -88,10 +95,26 @@ class SemanticHead(nn.Module):
 
     def loss(self, logits: Float[Tensor, 'points classes'], labels: PointLabels) -> dict[str, Tensor]:
         """``loss_wsl``; 0, with a gradient of 0, where no point is labelled."""
-        classes = None
+        if self.true_share is None:
+            weights = None if self.pseudo_weight == 1 else torch.where(labels.is_true, 1.0, self.pseudo_weight)
+            return {'loss_wsl': self._mean(logits, labels.semantic, weights)}
+        pseudo = ~labels.is_true & (labels.semantic >= 0)
+        parts = [
+            (share, part)
+            for share, part in ((self.true_share, labels.is_true), (1 - self.true_share, pseudo))
+            if part.any()
+        ]
+        if not parts:
+            return {'loss_wsl': 0.0 * logits.sum()}
+        terms = [share * self._mean(logits, labels.semantic.masked_fill(~part, UNLABELLED)) for share, part in parts]
+        return {'loss_wsl': torch.stack(terms).sum() / sum(share for share, _ in parts)}
+
+    def _mean(self, logits: Tensor, classes: Tensor, points: Tensor | None = None) -> Tensor:
+        """Weighted mean over the points that have a class."""
+        weights = None
         if self.balance == 'batch':
-            classes = class_balance(labels.semantic, self.num_classes, self.power)
+            weights = class_balance(classes, self.num_classes, self.power)
         elif self.balance == 'frequency':
-            classes = frequency_weights(self.class_counts, self.power)
-        points = None if self.pseudo_weight == 1 else torch.where(labels.is_true, 1.0, self.pseudo_weight)
-        return {'loss_wsl': self.loss_part(logits, labels.semantic, classes, points)}
+            weights = frequency_weights(self.class_counts, self.power)
+        mean: Tensor = self.loss_part(logits, classes, weights, points)
+        return mean
