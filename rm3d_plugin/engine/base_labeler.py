@@ -13,6 +13,7 @@ from mmengine.dist import is_main_process
 from tqdm import tqdm
 
 from rm3d_plugin.engine.label_report import describe_round
+from rm3d_plugin.engine.round_times import Seconds, Stopwatch
 from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.pseudo_labels import WeakLabels
 from rm3d_plugin.regions import MergeStrategy
@@ -61,6 +62,9 @@ class BaseLabeler(ABC):
         strategy: Fields of :class:`~rm3d_plugin.regions.MergeStrategy`.
         graph_neighbors: K, adjacent regions that each region keeps.
         max_gap: Metres; regions farther apart are not adjacent.
+
+    Attributes:
+        judging: What comparing the labels of the last round with the truth took, where the truth is known.
     """
 
     def __init__(
@@ -83,6 +87,8 @@ class BaseLabeler(ABC):
         self._oversegmenter = OVERSEGMENTERS.build(dict(oversegmenter))
         self._graph_neighbors, self._max_gap = graph_neighbors, max_gap
         self.index_of = {scene: i for i, scene in enumerate(self.source.scene_ids)}
+        self.judging = Seconds()
+        self._keys: dict[str, str] = {}
 
     # ------------------------------------------------------------------ what a subclass says
 
@@ -106,24 +112,29 @@ class BaseLabeler(ABC):
 
     def prepared(self, scene_id: str) -> PreparedScene:
         """Regions and graph of a scene, from the cache or made now."""
-        cloud = self.source.load_cloud(self.index_of[scene_id])
-        channels = [values for values in (cloud.xyz, cloud.intensity, cloud.colors) if values is not None]
-        seeds = self.seeds(scene_id)
-        key = content_key('prepared', PREPARED_VERSION, channels, self._settings, *([] if seeds is None else [seeds]))
+        if scene_id not in self._keys:
+            self._keys[scene_id] = self._content_key(scene_id)
 
         def make() -> dict[str, np.ndarray]:
             scene = prepare_scene(
-                cloud,
+                self.source.load_cloud(self.index_of[scene_id]),
                 self._descriptor,
                 self._oversegmenter,
                 self._graph_neighbors,
                 self._max_gap,
-                seeds,
+                self.seeds(scene_id),
                 name=scene_id,
             )
             return scene.to_arrays()
 
-        return PreparedScene.from_arrays(self.cache.get_or_make(key, make))
+        return PreparedScene.from_arrays(self.cache.get_or_make(self._keys[scene_id], make))
+
+    def _content_key(self, scene_id: str) -> str:
+        """What the geometry of a scene depends on; it stays as it is for the whole run."""
+        cloud = self.source.load_cloud(self.index_of[scene_id])
+        channels = [values for values in (cloud.xyz, cloud.intensity, cloud.colors) if values is not None]
+        seeds = self.seeds(scene_id)
+        return content_key('prepared', PREPARED_VERSION, channels, self._settings, *([] if seeds is None else [seeds]))
 
     def weak(self, scene_id: str) -> WeakLabels:
         """Revealed labels of a scene."""
@@ -198,7 +209,9 @@ class BaseLabeler(ABC):
 
     def finish(self, number: int, log: Log = print) -> None:
         """Close a round and say how good its labels are."""
+        watch = Stopwatch()
         summary = self.summarise_round(number)
+        self.judging = watch.read()
         self.store.finish_round(number, summary)
         log(f'labels of round {number}: {describe_round(summary)}')
 

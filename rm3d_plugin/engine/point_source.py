@@ -58,6 +58,7 @@ class PointBudgetSource(DatasetSource):
         self._tolerance = TOLERANCE + 3**0.5 * voxel if click_tolerance is None else click_tolerance
         self._budget: PointBudget | None = None
         self._index = {scene: index for index, scene in enumerate(self.scene_ids)}
+        self._sizes: dict[int, int] = {}
 
     @property
     def budget(self) -> PointBudget:
@@ -83,7 +84,9 @@ class PointBudgetSource(DatasetSource):
 
     def weak_labels(self, index: int) -> WeakLabels:
         """Class and instance of the revealed points of a scene; -1 elsewhere."""
-        points = len(self.load_cloud(index))
+        if index not in self._sizes:
+            self._sizes[index] = len(self.load_cloud(index))
+        points = self._sizes[index]
         shown = self.revealed(index, points)
         semantic, instance = np.full((2, points), UNLABELLED, dtype=np.int64)
         semantic[shown.points], instance[shown.points] = shown.semantic, shown.instance

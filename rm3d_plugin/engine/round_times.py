@@ -21,6 +21,10 @@ class Seconds(NamedTuple):
         """Both together."""
         return Seconds(self.wall + other.wall, self.cpu + other.cpu)
 
+    def minus(self, part: 'Seconds') -> 'Seconds':
+        """The rest without a part of it."""
+        return Seconds(self.wall - part.wall, self.cpu - part.cpu)
+
 
 class Stopwatch:
     """Runs from its making on."""
@@ -43,15 +47,22 @@ class RoundTimes:
 
     def __init__(self, folder: str | Path, epoch: int = 0) -> None:
         self.path = Path(folder) / 'timing.json'
-        self._content: dict[str, Any] = {'labels': {}, 'predicting': {}, 'epochs': {}}
+        self._content: dict[str, Any] = {'labels': {}, 'predicting': {}, 'judging': {}, 'epochs': {}}
         if epoch and self.path.is_file():
-            self._content = read_json(self.path)
+            self._content |= read_json(self.path)
             self._content['epochs'] = {k: v for k, v in self._content['epochs'].items() if int(k) <= epoch}
 
-    def labels(self, round: int, all_of_it: Seconds, predicting: Seconds) -> None:
-        """The labels of a round were made; ``predicting`` is what the network took of it."""
-        self._content['labels'][str(round)] = all_of_it._asdict()
-        self._content['predicting'][str(round)] = predicting._asdict()
+    def labels(self, round: int, making: Seconds, predicting: Seconds, judging: Seconds) -> None:
+        """The labels of a round were made, and judged.
+
+        Args:
+            round: Its number.
+            making: Until the labels were there.
+            predicting: What the network took of that.
+            judging: What comparing them with the truth took after it; no part of the method.
+        """
+        for name, seconds in (('labels', making), ('predicting', predicting), ('judging', judging)):
+            self._content[name][str(round)] = seconds._asdict()
         write_json(self.path, self._content)
 
     def epoch(self, number: int, round: int, seconds: Seconds) -> None:
@@ -70,8 +81,9 @@ class RoundTimes:
         for name in sorted(self._content['labels'], key=int):
             labels, training = _total([self._content['labels'][name]]), self.training(int(name))
             predicting = _total([self._content['predicting'][name]])
+            judging = _total(entry for entry in [self._content['judging'].get(name)] if entry)
             share = labels.cpu / training.cpu if training.cpu else None
-            rows.append(RoundTime(int(name), labels.wall, predicting.wall, training.wall, share))
+            rows.append(RoundTime(int(name), labels.wall, predicting.wall, training.wall, share, judging.wall))
         return rows
 
 

@@ -53,7 +53,7 @@ RUN = RunReport(
     seconds={'train': 3600.0, 'merge': 400.0},
     times=[
         RoundTime(0, 61.0, 0.0, 40.0, None),
-        RoundTime(1, 4.5, 1.25, 40.0, 0.1125),
+        RoundTime(1, 4.5, 1.25, 40.0, 0.1125, 0.5),
         RoundTime(2, 5.0, 2.0, 0.0, None),
     ],
 )
@@ -106,9 +106,9 @@ def test_page_holds_the_numbers(reader):
     assert ['5', '50.0 %', '–', '–', '–', '–'] in reader.rows
     assert ['5', '2', '8', '–', '–'] in reader.rows
     assert ['train', '1 h 0 min', '90 %'] in reader.rows
-    assert ['0', '1 min 1 s', '–', '40.0 s', '–'] in reader.rows
-    assert ['1', '4.5 s', '1.2 s', '40.0 s', '11.2 %'] in reader.rows
-    assert ['2', '5.0 s', '2.0 s', '–', '–'] in reader.rows
+    assert ['0', '1 min 1 s', '–', '40.0 s', '–', '–'] in reader.rows
+    assert ['1', '4.5 s', '1.2 s', '40.0 s', '11.2 %', '0.5 s'] in reader.rows
+    assert ['2', '5.0 s', '2.0 s', '–', '–', '–'] in reader.rows
     assert ['descriptor', 'AdaptedPFH'] in reader.rows
     text = ' '.join(reader.words)
     assert '51.24' in text and 'cafe01' in text and 'seed 7' in text and 'synthetic' in text

@@ -99,7 +99,8 @@ class RegionMergeHook(Hook):
     def _labels_took(self, number: int, seconds: Seconds, new: bool) -> None:
         self.seconds += seconds.wall
         if new and is_main_process():
-            self.times.labels(number, seconds, self._predicting)
+            judging = self.labeler.judging
+            self.times.labels(number, seconds.minus(judging), self._predicting, judging)
 
     def _tell(self, number: int, runner: Runner) -> None:
         if not is_main_process():
