@@ -10,7 +10,7 @@ import torch
 from engine import tiny_runs
 
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook, point_prediction
-from rm3d_plugin.engine.round_times import RoundTimes
+from rm3d_plugin.engine.round_times import RoundTimes, Seconds
 from rm3d_plugin.storage import LabelStore, read_json
 from rm3d_plugin.structures import SceneSample
 
@@ -22,6 +22,7 @@ class CountingLabeler:
         self.events: list[tuple[Any, ...]] = []
         self.finished = set(finished)
         self.predictions: list[Any] = []
+        self.judging = Seconds()
 
     def start(self, keep, log):
         self.events.append(('start', keep))
