@@ -15,11 +15,10 @@ from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction, SceneL
 from rm3d_plugin.engine.label_report import summarise
 from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
-from rm3d_plugin.pseudo_labels import ObjectRules, WeakLabels, refresh_detection
+from rm3d_plugin.pseudo_labels import ObjectRules, RefreshResult, WeakLabels, refresh_detection
 from rm3d_plugin.pseudo_labels.boxes import size_priors
 from rm3d_plugin.pseudo_labels.objects import Evidence, score_limits
 from rm3d_plugin.pseudo_labels.quality import SceneTruth
-from rm3d_plugin.pseudo_labels.refresh import RefreshResult
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D
 

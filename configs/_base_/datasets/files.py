@@ -14,38 +14,23 @@ val_labels = (
     'store'  # 'truth' where the scans have labels; else the score tells how far the network agrees with its labels
 )
 score_name = 'agreement'  # None with val_labels='truth'
-train_dataloader = dict(
-    dataset=dict(
-        classes='${class_names}',
-        columns='${columns}',
-        label_map='${label_map}',
-        other_labels='${other_labels}',
-        intensity_range='${intensity_range}',
-        cache='${cache_dir}',
-    )
+reading = dict(
+    classes='${class_names}',
+    columns='${columns}',
+    label_map='${label_map}',
+    other_labels='${other_labels}',
+    intensity_range='${intensity_range}',
+    cache='${cache_dir}',
 )
-label_dataloader = dict(
-    dataset=dict(
-        classes='${class_names}',
-        columns='${columns}',
-        label_map='${label_map}',
-        other_labels='${other_labels}',
-        intensity_range='${intensity_range}',
-        cache='${cache_dir}',
-        pipeline='${eval_pipeline}',
-    )
-)
+train_dataloader = dict(dataset=reading)
+label_dataloader = dict(dataset=dict(pipeline='${eval_pipeline}', **reading))
 val_dataloader = dict(
     dataset=dict(
-        classes='${class_names}',
-        columns='${columns}',
-        label_map='${label_map}',
-        other_labels='${other_labels}',
-        intensity_range='${intensity_range}',
-        cache='${cache_dir}',
+        **reading,
         labels='${val_labels}',
         label_store='${work_dir}/labels',
         pipeline='${eval_pipeline}',
     )
 )
+del reading
 val_evaluator = [dict(type='SemSegMetric', prefix='${score_name}')]

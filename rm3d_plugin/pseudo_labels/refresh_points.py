@@ -1,0 +1,159 @@
+"""One scene in, point labels out: merge its regions, and extend what is known of it (METHOD 1)."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rm3d_plugin.pseudo_labels.draft import (
+    Draft,
+    Grouped,
+    apply_quota,
+    check_rows,
+    draft_of,
+    group_regions,
+    keep_previous,
+    overlay,
+    supported_points,
+)
+from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances, of_present_classes
+from rm3d_plugin.pseudo_labels.refresh_result import RefreshResult, refresh_stats
+from rm3d_plugin.pseudo_labels.spread import (
+    mixed_regions,
+    nearest_seeds,
+    nearest_true_classes,
+    quiet_seeds,
+    unlike_seed,
+)
+from rm3d_plugin.pseudo_labels.weak import Truth, WeakLabels, known_points
+from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.regions.features import region_lengths
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, RegionGraph, Regions
+
+
+def refresh_points(
+    prepared_cloud: PointCloud,
+    regions: Regions,
+    graph: RegionGraph,
+    weak: WeakLabels,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+    centers: Float[np.ndarray, 'points 3'] | None,
+    previous: PseudoLabels | None,
+    strategy: MergeStrategy,
+    round: int,
+    class_counts: Int[np.ndarray, ' classes'],
+    thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...] = (),
+    class_lengths: Float[np.ndarray, ' classes'] | None = None,
+) -> RefreshResult:
+    """Point labels of one scene of a segmentation run: classes and instances, no boxes.
+
+    A group that holds revealed points takes their majority class (or each point of a region with several classes takes
+    that of a near one, see ``strategy.mixed_regions``; points of quite another colour may be left out, see
+    ``strategy.spread_color``, and what is said of a region too long for its class, see
+    ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
+    Other groups take the class that the network gives them with confidence, and are one instance each.
+
+    Args:
+        prepared_cloud: Points of the scene, metres.
+        regions: Partition of the same points.
+        graph: Features and edges of the regions.
+        weak: What the budget reveals; instances are any numbers >= 0.
+        probabilities: (N, C) softmax; NaN or zero rows where the network saw nothing; None in the first round.
+        centers: (N, 3) shifted points (voted instance centres), metres, or None.
+        previous: Labels of the last round, or None.
+        strategy: Thresholds and schedule.
+        round: 0 .. strategy.rounds.
+        class_counts: (C,) revealed points of each class; its length is the number of classes.
+        thing_classes: Classes that have instances.
+        class_lengths: (C,) metres, how long the region of a revealed point of each class usually is, for
+            ``strategy.spread_extent``; NaN where unknown.
+
+    Raises:
+        ValueError: A row count does not fit.
+    """
+    xyz = prepared_cloud.xyz
+    check_rows(len(xyz), regions=regions.labels, weak=weak)
+    truth = known_points(weak)
+    counts = np.asarray(class_counts)
+    if probabilities is not None and strategy.present_only:
+        check_rows(len(xyz), probabilities=probabilities)
+        probabilities = of_present_classes(probabilities, truth.semantic)
+    spread = _that_spread(truth, regions, graph, class_lengths, strategy)
+    grouped = group_regions(
+        prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts, None
+    )
+    grouped = apply_quota(grouped, strategy, round)
+    draft = draft_of(grouped)
+    draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, strategy)
+    draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
+    draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
+    instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes)
+    labels = PseudoLabels(
+        semantic=draft.semantic,
+        instance=instance,
+        point_is_true=truth.semantic >= 0,
+        confidence=draft.confidence,
+        boxes=Boxes3D.empty(),
+        box_is_true=np.zeros(0, dtype=bool),
+        complete=weak.complete,
+    )
+    return RefreshResult(labels, grouped.merge, refresh_stats(labels, grouped))
+
+
+def _that_spread(
+    truth: Truth,
+    regions: Regions,
+    graph: RegionGraph,
+    class_lengths: Float[np.ndarray, ' classes'] | None,
+    strategy: MergeStrategy,
+) -> Truth:
+    """The truth without the points whose region is too long for their class: those speak for themselves alone."""
+    if strategy.spread_extent is None or class_lengths is None:
+        return truth
+    lengths = region_lengths(graph)
+    quiet = quiet_seeds(regions.labels, truth.semantic, lengths, class_lengths, strategy.spread_extent)
+    semantic = np.where(quiet, UNLABELLED, truth.semantic)
+    return truth._replace(semantic=semantic, instance=np.where(quiet, -1, truth.instance), seeds=semantic)
+
+
+def _near_and_alike(
+    draft: Draft,
+    cloud: PointCloud,
+    regions: Regions,
+    truth: Truth,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+    strategy: MergeStrategy,
+) -> Draft:
+    """What the revealed points of a region say of its points one by one, where the strategy asks for that."""
+    colors = cloud.colors
+    limit = None if colors is None else strategy.spread_color
+    if strategy.mixed_regions == 'majority' and limit is None:
+        return draft
+    asked = mixed_regions(regions.labels, truth.semantic) if limit is None else None
+    places = (strategy.near_place, strategy.near_color)
+    seeds = nearest_seeds(cloud.xyz, colors, regions.labels, truth.semantic, *places, asked)
+    if strategy.mixed_regions == 'nearest':
+        own = nearest_true_classes(regions.labels, truth.semantic, seeds)
+        draft = overlay(draft, own >= 0, own, draft.confidence)
+    if colors is not None and limit is not None:
+        unlike = unlike_seed(colors, seeds, limit)
+        draft = overlay(draft, unlike, UNLABELLED, 0.0)
+        if probabilities is not None:
+            draft = overlay(draft, unlike, *confident_parts(probabilities, regions.labels, unlike, strategy.gamma))
+    return draft
+
+
+def _point_instances(
+    xyz: Float[np.ndarray, 'points 3'],
+    semantic: Int[np.ndarray, ' points'],
+    grouped: Grouped,
+    truth: Truth,
+    thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...],
+) -> Int[np.ndarray, ' points']:
+    """True instances spread to their group; a group without any is a new instance, numbered after the true ones."""
+    thing = np.isin(semantic, np.asarray(thing_classes, dtype=np.int64))
+    spread = nearest_instances(xyz, grouped.points, semantic, truth.semantic, truth.instance)
+    first = int(truth.instance.max(initial=-1)) + 1
+    fresh = thing & (spread < 0) & (grouped.points >= 0)
+    _, number = np.unique(np.stack([grouped.points, semantic], axis=1)[fresh], axis=0, return_inverse=True)
+    spread[fresh] = first + number.reshape(-1)
+    instance = np.where(thing, spread, -1)
+    return np.where(truth.semantic >= 0, truth.instance, instance).astype(np.int64)
