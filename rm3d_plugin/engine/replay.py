@@ -19,6 +19,7 @@ from rm3d_plugin.pseudo_labels.draft import (
     Grouped,
     apply_quota,
     draft_of,
+    fill_by_looks,
     keep_previous,
     overlay,
     supported_points,
@@ -42,6 +43,7 @@ FIXED = (
     'near_color',
     'spread_color',
     'spread_extent',
+    'spread_alike',
     'present_only',
     'hold_in',
     'hold_in_margin',
@@ -153,10 +155,12 @@ def decide_again(
     if record.class_gamma is not None:
         groups = without_doubtful(groups, record.class_gamma)
     points = point_values(result.group, record.point_region, -1)
-    grouped = Grouped(result, groups, points, point_values(record.ranges, record.point_region, 0.0))
+    ranges = point_values(record.ranges, record.point_region, 0.0)
+    grouped = Grouped(result, groups, points, ranges, record)
     grouped = apply_quota(grouped, strategy, record.round)
     draft = draft_of(grouped)
     draft = overlay(draft, _told_by_point(record, stored), stored.semantic, draft.confidence)
+    draft = fill_by_looks(draft, record)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, stored.point_is_true, stored.semantic, 1.0)
     return Decided(result, draft.semantic)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.pseudo_labels.alike import RegionGuess
 from rm3d_plugin.pseudo_labels.propagate import GroupLabels, count_votes, point_values, pool_rows, seen_rows
 from rm3d_plugin.pseudo_labels.quota import within_quota
 from rm3d_plugin.pseudo_labels.record import RefreshRecord
@@ -31,12 +32,14 @@ class Grouped(NamedTuple):
         groups: What each group is.
         points: (N,) group of each point, -1 = none.
         ranges: (N,) metres from the sensor.
+        record: What was known.
     """
 
     merge: MergeResult
     groups: GroupLabels
     points: Int[np.ndarray, ' points']
     ranges: Float[np.ndarray, ' points']
+    record: RefreshRecord
 
 
 def check_rows(expected: int, **arrays: np.ndarray | WeakLabels | None) -> None:
@@ -57,8 +60,9 @@ def group_regions(
     round: int,
     class_counts: np.ndarray,
     class_gamma: np.ndarray | None = None,
+    guess: RegionGuess | None = None,
 ) -> Grouped:
-    """Merge the regions and decide the class of every group; ``class_gamma`` is only put on record.
+    """Merge the regions and decide the class of every group; ``class_gamma`` and ``guess`` are only put on record.
 
     Raises:
         ValueError: The predictions have no row a point or no column a class.
@@ -79,6 +83,7 @@ def group_regions(
     bounded = (truth.semantic >= 0) & (truth.seeds < 0)
     outside = pool_rows(rows, seen & ~bounded, regions.labels, count, strategy.pooling) if bounded.any() else pooled
     ranges = sensor_ranges(cloud)
+    votes = count_votes(truth.seeds, regions.labels, count, len(class_counts))
     record = RefreshRecord(
         curvatures=graph.curvatures,
         ranges=regions.pool_mean(ranges[:, None])[:, 0],
@@ -88,16 +93,19 @@ def group_regions(
         centers=pooled_centers,
         outside=outside.values if bounded.any() else None,
         seen=outside.seen,
-        votes=count_votes(truth.seeds, regions.labels, count, len(class_counts)),
+        votes=votes,
         class_counts=class_counts,
         class_gamma=class_gamma,
+        guess=None if guess is None else np.where(votes.any(axis=1), UNLABELLED, guess.classes),
+        guess_confidence=None if guess is None else guess.confidence,
         point_region=regions.labels.astype(np.int32),
         strategy=strategy,
         round=round,
     )
     ledger = replace(result.ledger, known=record.to_arrays())
     groups = record.label(result.group, strategy.gamma)
-    return Grouped(result._replace(ledger=ledger), groups, point_values(result.group, regions.labels, -1), ranges)
+    points = point_values(result.group, regions.labels, -1)
+    return Grouped(result._replace(ledger=ledger), groups, points, ranges, record)
 
 
 def sensor_ranges(cloud: PointCloud) -> Float[np.ndarray, ' points']:
@@ -121,6 +129,15 @@ def draft_of(grouped: Grouped) -> Draft:
         point_values(grouped.groups.classes, grouped.points, UNLABELLED),
         point_values(grouped.groups.confidence, grouped.points, 0.0).astype(np.float32),
     )
+
+
+def fill_by_looks(draft: Draft, record: RefreshRecord) -> Draft:
+    """Points without a class take that of the regions that look like theirs, where there is such a guess."""
+    if record.guess is None or record.guess_confidence is None:
+        return draft
+    guess = point_values(record.guess, record.point_region, UNLABELLED)
+    confidence = point_values(record.guess_confidence, record.point_region, 0.0)
+    return overlay(draft, (draft.semantic < 0) & (guess >= 0), guess, confidence)
 
 
 def overlay(

@@ -68,6 +68,9 @@ class MergeStrategy:
         spread_extent: A revealed point speaks for its region only where that is at most this many times as long as the
             regions of its class usually are (their median over all training scenes); else for itself alone, and the
             region asks the network. Smaller: fewer and purer labels. None: no limit. Segmentation only.
+        spread_alike: Confidence from which a region without revealed points takes the class of the labelled regions, of
+            all training scenes, that look most alike (see :mod:`rm3d_plugin.pseudo_labels.alike`), where the network
+            names none. Smaller: more labels, less pure. None: never. Segmentation only.
         present_only: A scene with revealed points holds no other classes than theirs, so the network's word is taken
             among these alone. True of budgets that reveal a point of each class there is, as all budgets of points
             here do; not of clicks that leave out a class. Segmentation only.
@@ -109,6 +112,7 @@ class MergeStrategy:
     near_color: float = 0.16
     spread_color: float | None = None
     spread_extent: float | None = None
+    spread_alike: float | None = None
     present_only: bool = False
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
@@ -129,6 +133,7 @@ class MergeStrategy:
         for name in ('spread_color', 'spread_extent'):
             limit = getattr(self, name)
             self._check(name, limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
+        self._check('spread_alike', self.spread_alike is None or 0 < self.spread_alike < 1, 'in (0, 1), or None')
         self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
         self._check('quota', self.quota is None or 0 < self.quota <= 1, 'a share in (0, 1], or None')

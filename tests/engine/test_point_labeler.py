@@ -124,6 +124,27 @@ def test_points_do_not_name_regions_far_longer_than_their_class_has_elsewhere(tm
     assert 0.001 < limited.store.summary(0)['coverage'] < free.store.summary(0)['coverage']
 
 
+def test_labels_spread_to_regions_that_look_alike(tmp_path):
+    plain = labeler(tmp_path, 'onept')
+    made = labeler(tmp_path / 'alike', 'onept', strategy={'spread_alike': 0.05})
+    for one in (plain, made):
+        one.start(keep=False, log=lambda text: None)
+    labelled = 0
+    for scene in made.index_of:
+        regions, semantic = made.prepared(scene).regions.labels, made.weak(scene).semantic
+        for region in np.flatnonzero(np.bincount(regions[regions >= 0]) >= 30):
+            classes = np.unique(semantic[(regions == region) & (semantic >= 0)])
+            labelled += len(classes) == 1
+    assert labelled and len(made.examples.classes) == labelled
+    for scene in made.index_of:
+        before, after = plain.store.read(scene, 0), made.store.read(scene, 0)
+        known = before.semantic >= 0
+        np.testing.assert_array_equal(after.semantic[known], before.semantic[known])
+        gained = ~known & (after.semantic >= 0)
+        assert not after.point_is_true[gained].any() and (after.confidence[gained] >= 0.05).all()
+    assert made.store.summary(0)['coverage'] > plain.store.summary(0)['coverage']
+
+
 # ---------------------------------------------------------------------- points kept aside
 
 
