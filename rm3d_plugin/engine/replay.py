@@ -44,6 +44,7 @@ FIXED = (
     'spread_color',
     'spread_extent',
     'spread_alike',
+    'new_instances',
     'present_only',
     'hold_in',
     'hold_in_margin',

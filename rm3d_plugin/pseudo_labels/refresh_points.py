@@ -91,7 +91,7 @@ def refresh_points(
     draft = fill_by_looks(draft, grouped.record)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
-    instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes)
+    instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes, strategy.new_instances)
     labels = PseudoLabels(
         semantic=draft.semantic,
         instance=instance,
@@ -153,12 +153,13 @@ def _point_instances(
     grouped: Grouped,
     truth: Truth,
     thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...],
+    new_instances: bool,
 ) -> Int[np.ndarray, ' points']:
-    """True instances spread to their group; a group without any is a new instance, numbered after the true ones."""
+    """True instances spread to their group; a group without any may be a new instance, numbered after the true ones."""
     thing = np.isin(semantic, np.asarray(thing_classes, dtype=np.int64))
     spread = nearest_instances(xyz, grouped.points, semantic, truth.semantic, truth.instance)
     first = int(truth.instance.max(initial=-1)) + 1
-    fresh = thing & (spread < 0) & (grouped.points >= 0)
+    fresh = thing & (spread < 0) & (grouped.points >= 0) & new_instances
     _, number = np.unique(np.stack([grouped.points, semantic], axis=1)[fresh], axis=0, return_inverse=True)
     spread[fresh] = first + number.reshape(-1)
     instance = np.where(thing, spread, -1)

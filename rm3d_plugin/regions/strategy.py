@@ -71,6 +71,9 @@ class MergeStrategy:
         spread_alike: Confidence from which a region without revealed points takes the class of the labelled regions, of
             all training scenes, that look most alike (see :mod:`rm3d_plugin.pseudo_labels.alike`), where the network
             names none. Smaller: more labels, less pure. None: never. Segmentation only.
+        new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: nobody
+            says which instance its points are of, so that pieces of an object do not teach offsets to their own
+            middles. Segmentation only.
         present_only: A scene with revealed points holds no other classes than theirs, so the network's word is taken
             among these alone. True of budgets that reveal a point of each class there is, as all budgets of points
             here do; not of clicks that leave out a class. Segmentation only.
@@ -113,6 +116,7 @@ class MergeStrategy:
     spread_color: float | None = None
     spread_extent: float | None = None
     spread_alike: float | None = None
+    new_instances: bool = True
     present_only: bool = False
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
@@ -147,7 +151,7 @@ class MergeStrategy:
         distances = self.centre_distance if isinstance(self.centre_distance, tuple) else (self.centre_distance,)
         self._check('centre_distance', all(d is None or d > 0 for d in distances), 'metres > 0, or None')
         switches = [f.name for f in fields(self) if f.name.startswith('use_')]
-        for name in (*switches, 'weight_balancing', 'permanent', 'present_only'):
+        for name in (*switches, 'weight_balancing', 'permanent', 'new_instances', 'present_only'):
             self._check(name, isinstance(getattr(self, name), bool), 'True or False')
 
     def _check(self, name: str, good: bool, expected: str) -> None:

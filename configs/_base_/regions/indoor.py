@@ -3,4 +3,11 @@ _base_ = './points.py'
 descriptor = dict(type='AdaptedPFH', radius=0.1)
 oversegmenter = dict(type='RegionGrowing', zeta=0.015, max_color_step=0.2)
 max_gap = 0.1  # m between adjacent regions
-strategy = dict(rounds='${rounds}', centre_distance=0.3, mixed_regions='nearest', spread_color=0.45, spread_extent=3.0)
+strategy = dict(
+    rounds='${rounds}',
+    centre_distance=0.3,
+    mixed_regions='nearest',
+    spread_color=0.45,
+    spread_extent=3.0,
+    new_instances=False,
+)
