@@ -71,9 +71,9 @@ class MergeStrategy:
         spread_alike: Confidence from which a region without revealed points takes the class of the labelled regions, of
             all training scenes, that look most alike (see :mod:`rm3d_plugin.pseudo_labels.alike`), where the network
             names none. Smaller: more labels, less pure. None: never. Segmentation only.
-        new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: nobody
-            says which instance its points are of, so that pieces of an object do not teach offsets to their own
-            middles. Segmentation only.
+        new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: its
+            points are of no known instance, so that pieces of an object do not teach offsets to their own middles.
+            Segmentation only.
         present_only: A scene with revealed points holds no other classes than theirs, so the network's word is taken
             among these alone. True of budgets that reveal a point of each class there is, as all budgets of points
             here do; not of clicks that leave out a class. Segmentation only.

@@ -287,7 +287,7 @@ def test_coverage_never_falls_while_labels_are_permanent(seed):
         previous = labels
 
 
-def segmentation(street, rows=None, previous=None, round=4, seeds=((0, 0, 5), (3, 1, 2))):
+def segmentation(street, rows=None, previous=None, round=4, seeds=((0, 0, 5), (3, 1, 2)), strategy=STRATEGY):
     semantic, instance = np.full(len(street.xyz), -1), np.full(len(street.xyz), -1)
     for part, label, number in seeds:
         first = np.flatnonzero(street.part == part)[0]
@@ -295,7 +295,7 @@ def segmentation(street, rows=None, previous=None, round=4, seeds=((0, 0, 5), (3
     weak = WeakLabels(semantic, instance, Boxes3D.empty())
     counts = np.array([3, 1, 9])
     return refresh_points(
-        street.cloud, street.regions, street.graph, weak, rows, None, previous, STRATEGY, round, counts, (0, 1)
+        street.cloud, street.regions, street.graph, weak, rows, None, previous, strategy, round, counts, (0, 1)
     )
 
 
@@ -315,6 +315,16 @@ def test_one_point_labels_its_region_and_with_confidence_its_group(street):
     assert len(fresh) == 2 and min(fresh) > 5
     assert (labels.instance[street.part == 4] == -1).all()
     assert later.merge.ledger.reason.max() <= Reason.SAME_GROUP
+
+
+def test_groups_without_a_revealed_instance_may_stay_without_one(street):
+    usual = segmentation(street, street.softmax()).labels
+    labels = segmentation(street, street.softmax(), strategy=replace(STRATEGY, new_instances=False)).labels
+    assert (labels.semantic == usual.semantic).all()
+    assert set(labels.instance[street.part == 0].tolist()) == {5}
+    fresh = np.isin(street.part, [1, 2])
+    assert (usual.instance[fresh] > 5).all() and (labels.instance[fresh] == -1).all()
+    assert (labels.instance[~fresh] == usual.instance[~fresh]).all()
 
 
 def test_two_labelled_instances_stay_two(street):
