@@ -1,7 +1,7 @@
 """One scene in, point labels out: merge its regions, and extend what is known of it (METHOD 1)."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.alike import RegionGuess
 from rm3d_plugin.pseudo_labels.draft import (
@@ -87,7 +87,7 @@ def refresh_points(
     )
     grouped = apply_quota(grouped, strategy, round)
     draft = draft_of(grouped)
-    draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, strategy)
+    draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, previous, strategy)
     draft = fill_by_looks(draft, grouped.record)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
@@ -126,25 +126,53 @@ def _near_and_alike(
     regions: Regions,
     truth: Truth,
     probabilities: Float[np.ndarray, 'points classes'] | None,
+    previous: PseudoLabels | None,
     strategy: MergeStrategy,
 ) -> Draft:
-    """What the revealed points of a region say of its points one by one, where the strategy asks for that."""
+    """What the revealed points of a region say of its points one by one, where the strategy asks for that.
+
+    They say the same in every round, so where labels stay only the points that they left out are asked for again.
+    """
     colors = cloud.colors
     limit = None if colors is None else strategy.spread_color
     if strategy.mixed_regions == 'majority' and limit is None:
         return draft
+    if previous is not None and strategy.permanent:
+        if limit is None:
+            return draft
+        left_out = _seeded_points(regions, truth) & (previous.semantic < 0)
+        return _ask_network(draft, regions, left_out, probabilities, strategy.gamma)
     asked = mixed_regions(regions.labels, truth.semantic) if limit is None else None
     places = (strategy.near_place, strategy.near_color)
     seeds = nearest_seeds(cloud.xyz, colors, regions.labels, truth.semantic, *places, asked)
     if strategy.mixed_regions == 'nearest':
         own = nearest_true_classes(regions.labels, truth.semantic, seeds)
         draft = overlay(draft, own >= 0, own, draft.confidence)
-    if colors is not None and limit is not None:
-        unlike = unlike_seed(colors, seeds, limit)
-        draft = overlay(draft, unlike, UNLABELLED, 0.0)
-        if probabilities is not None:
-            draft = overlay(draft, unlike, *confident_parts(probabilities, regions.labels, unlike, strategy.gamma))
-    return draft
+    if colors is None or limit is None:
+        return draft
+    return _ask_network(draft, regions, unlike_seed(colors, seeds, limit), probabilities, strategy.gamma)
+
+
+def _seeded_points(regions: Regions, truth: Truth) -> Bool[np.ndarray, ' points']:
+    """Points of regions with a revealed point."""
+    seeded = np.zeros(len(regions) + 1, dtype=bool)
+    seeded[regions.labels[truth.semantic >= 0]] = True
+    seeded[-1] = False
+    return seeded[regions.labels]
+
+
+def _ask_network(
+    draft: Draft,
+    regions: Regions,
+    points: Bool[np.ndarray, ' points'],
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+    gamma: float,
+) -> Draft:
+    """Nothing but the network names these points, those of each region together."""
+    draft = overlay(draft, points, UNLABELLED, 0.0)
+    if probabilities is None:
+        return draft
+    return overlay(draft, points, *confident_parts(probabilities, regions.labels, points, gamma))
 
 
 def _point_instances(

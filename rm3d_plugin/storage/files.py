@@ -121,11 +121,11 @@ def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Path:
 
 
 def _zip(file: IO[bytes], arrays: Mapping[str, np.ndarray]) -> None:
-    """As numpy.savez_compressed, but without time stamps, and fast rather than small."""
+    """As numpy.savez, without time stamps; real numbers, which hardly shrink, are not compressed."""
     with zipfile.ZipFile(file, 'w') as archive:
         for name, value in arrays.items():
             info = zipfile.ZipInfo(f'{name}.npy')
-            info.compress_type = zipfile.ZIP_DEFLATED
+            info.compress_type = zipfile.ZIP_STORED if value.dtype.kind == 'f' else zipfile.ZIP_DEFLATED
             info._compresslevel = 1  # type: ignore[attr-defined]  # the public name comes with Python 3.13
             with archive.open(info, 'w', force_zip64=True) as entry:
                 np.lib.format.write_array(entry, value, allow_pickle=False)
