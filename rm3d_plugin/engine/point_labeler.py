@@ -138,8 +138,9 @@ class PointLabeler(BaseLabeler):
         classes[seeded.regions[once]] = seeded.classes[once]
         return region_looks(scene.cloud, scene.regions, scene.graph), classes, scene.graph.sizes
 
-    def _guess(self, scene: PreparedScene, weak: WeakLabels) -> RegionGuess | None:
-        if self.strategy.spread_alike is None or self.examples is None:
+    def _guess(self, number: int, scene: PreparedScene, weak: WeakLabels) -> RegionGuess | None:
+        """Guesses are the same in every round, so where labels stay the first round has given them all."""
+        if self.strategy.spread_alike is None or (number and self.strategy.permanent) or self.examples is None:
             return None
         looks = region_looks(scene.cloud, scene.regions, scene.graph)
         possible = possible_classes(weak.semantic, len(self.source.classes))
@@ -169,7 +170,7 @@ class PointLabeler(BaseLabeler):
             self.class_counts,
             tuple(self.source.thing_classes),
             None if self.strategy.spread_extent is None else self.class_lengths,
-            self._guess(scene, weak),
+            self._guess(number, scene, weak),
         )
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 

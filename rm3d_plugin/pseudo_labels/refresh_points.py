@@ -53,7 +53,7 @@ def refresh_points(
     ``strategy.spread_color``, and what is said of a region too long for its class, see
     ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
     Other groups take the class that the network gives them with confidence, else their regions that of the labelled
-    regions that look alike (``guess``), and are one instance each.
+    regions that look alike (``guess``), and are one instance each, or none (``strategy.new_instances``).
 
     Args:
         prepared_cloud: Points of the scene, metres.

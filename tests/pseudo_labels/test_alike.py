@@ -146,6 +146,12 @@ def test_a_guess_fills_what_nothing_else_names():
     surer = decide_again(ledger, filled.labels, None, replace(strategy, gamma=0.99))
     assert (surer.semantic == filled.labels.semantic).all()  # round 0: no threshold of the network has a say
 
+    unsure = np.full((len(regions), CLASSES), 1 / CLASSES)
+    unsure[regions < 20] = [0.1, 0.1, 0.8]
+    asked, not_asked = (refresh(1, unsure, filled.labels, again).labels for again in (guess, None))
+    for name in ('semantic', 'confidence', 'instance'):  # labels that stay make a second guess needless
+        assert (getattr(asked, name) == getattr(not_asked, name)).all()
+
     rows = np.full((len(regions), CLASSES), 0.1)
     rows[:, 2] = 0.8  # the network names what nobody has named before the looks are asked
     named = refresh(1, rows, None, guess)

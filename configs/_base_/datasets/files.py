@@ -10,9 +10,7 @@ columns = None  # which column plays which part, where names do not tell
 label_map = None  # raw label -> class, where the scans have labels
 other_labels = 'error'
 intensity_range = None  # what the intensity is divided by
-val_labels = (
-    'store'  # 'truth' where the scans have labels; else the score tells how far the network agrees with its labels
-)
+val_labels = 'store'  # the score tells how far the network agrees with its labels; 'truth' where the scans have labels
 score_name = 'agreement'  # None with val_labels='truth'
 reading = dict(
     classes='${class_names}',
