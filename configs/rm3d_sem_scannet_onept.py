@@ -4,4 +4,4 @@
 _base_ = ['./_base_/variants/sem_scannet.py', './_base_/budgets/points_onept.py']
 # A class has one label a scene: nothing corrects one that spreads too far, other walls have none, and the network's
 # first guesses are poor.
-strategy = dict(spread_extent=1.75, spread_alike=0.8, gamma=0.9)
+strategy = dict(spread_extent=1.75, region_prior=True)

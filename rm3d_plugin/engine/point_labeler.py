@@ -15,14 +15,6 @@ from rm3d_plugin.engine.base_labeler import BaseLabeler, Log, PointPrediction, S
 from rm3d_plugin.engine.label_report import PointTruth, summarise_points
 from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.pseudo_labels import WeakLabels, refresh_points
-from rm3d_plugin.pseudo_labels.alike import (
-    RegionExamples,
-    RegionGuess,
-    collect_examples,
-    guess_by_looks,
-    possible_classes,
-    region_looks,
-)
 from rm3d_plugin.pseudo_labels.held_in import (
     HeldIn,
     HeldInErrors,
@@ -30,6 +22,12 @@ from rm3d_plugin.pseudo_labels.held_in import (
     held_in_errors,
     split_held_in,
     without_new_labels,
+)
+from rm3d_plugin.pseudo_labels.prior import (
+    RegionExamples,
+    collect_examples,
+    region_looks,
+    region_prior,
 )
 from rm3d_plugin.pseudo_labels.spread import seeded_regions, usual_lengths
 from rm3d_plugin.regions.features import region_lengths
@@ -123,7 +121,7 @@ class PointLabeler(BaseLabeler):
 
     @cached_property
     def examples(self) -> RegionExamples | None:
-        """Labelled regions of all scenes, for ``strategy.spread_alike``."""
+        """Labelled regions of all scenes, for ``strategy.region_prior``."""
         return collect_examples(self._labelled_regions(scene) for scene in self.index_of)
 
     def _labelled_regions(self, scene_id: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -138,13 +136,11 @@ class PointLabeler(BaseLabeler):
         classes[seeded.regions[once]] = seeded.classes[once]
         return region_looks(scene.cloud, scene.regions, scene.graph), classes, scene.graph.sizes
 
-    def _guess(self, number: int, scene: PreparedScene, weak: WeakLabels) -> RegionGuess | None:
-        """Guesses are the same in every round, so where labels stay the first round has given them all."""
-        if self.strategy.spread_alike is None or (number and self.strategy.permanent) or self.examples is None:
+    def _prior(self, scene: PreparedScene, weak: WeakLabels) -> Float[np.ndarray, 'regions classes'] | None:
+        """What the regions of a scene may be, where the strategy asks for it."""
+        if not self.strategy.region_prior:
             return None
-        looks = region_looks(scene.cloud, scene.regions, scene.graph)
-        possible = possible_classes(weak.semantic, len(self.source.classes))
-        return guess_by_looks(looks, scene.graph.sizes, self.examples, possible, self.strategy.spread_alike)
+        return region_prior(scene, weak.semantic, self.class_lengths, self.examples, self.strategy)
 
     def inform(self, model: Any) -> None:
         """Tell the model how often each class is revealed, where it asks for it."""
@@ -170,7 +166,7 @@ class PointLabeler(BaseLabeler):
             self.class_counts,
             tuple(self.source.thing_classes),
             None if self.strategy.spread_extent is None else self.class_lengths,
-            self._guess(number, scene, weak),
+            self._prior(scene, weak),
         )
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 

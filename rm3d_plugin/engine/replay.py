@@ -19,7 +19,6 @@ from rm3d_plugin.pseudo_labels.draft import (
     Grouped,
     apply_quota,
     draft_of,
-    fill_by_looks,
     keep_previous,
     overlay,
     supported_points,
@@ -43,9 +42,8 @@ FIXED = (
     'near_color',
     'spread_color',
     'spread_extent',
-    'spread_alike',
+    'region_prior',
     'new_instances',
-    'present_only',
     'hold_in',
     'hold_in_margin',
 )
@@ -161,7 +159,6 @@ def decide_again(
     grouped = apply_quota(grouped, strategy, record.round)
     draft = draft_of(grouped)
     draft = overlay(draft, _told_by_point(record, stored), stored.semantic, draft.confidence)
-    draft = fill_by_looks(draft, record)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, stored.point_is_true, stored.semantic, 1.0)
     return Decided(result, draft.semantic)

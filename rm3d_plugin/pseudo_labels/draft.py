@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.pseudo_labels.alike import RegionGuess
+from rm3d_plugin.pseudo_labels.prior import with_prior
 from rm3d_plugin.pseudo_labels.propagate import GroupLabels, count_votes, point_values, pool_rows, seen_rows
 from rm3d_plugin.pseudo_labels.quota import within_quota
 from rm3d_plugin.pseudo_labels.record import RefreshRecord
@@ -60,9 +60,9 @@ def group_regions(
     round: int,
     class_counts: np.ndarray,
     class_gamma: np.ndarray | None = None,
-    guess: RegionGuess | None = None,
+    prior: np.ndarray | None = None,
 ) -> Grouped:
-    """Merge the regions and decide the class of every group; ``class_gamma`` and ``guess`` are only put on record.
+    """Merge the regions and decide the class of every group; ``class_gamma`` is only put on record.
 
     Raises:
         ValueError: The predictions have no row a point or no column a class.
@@ -73,6 +73,8 @@ def group_regions(
         raise ValueError(f'refresh: probabilities have shape {rows.shape}, expected {(n, len(class_counts))}')
     seen = seen_rows(rows)
     pooled = pool_rows(rows, seen, regions.labels, count, strategy.pooling)
+    if prior is not None:
+        pooled = with_prior(None if probabilities is None else pooled, regions.sizes, prior)
     known = known_regions(regions, truth, BOX_REGION_SHARE)
     pooled_centers = None
     if centers is not None:
@@ -96,8 +98,6 @@ def group_regions(
         votes=votes,
         class_counts=class_counts,
         class_gamma=class_gamma,
-        guess=None if guess is None else np.where(votes.any(axis=1), UNLABELLED, guess.classes),
-        guess_confidence=None if guess is None else guess.confidence,
         point_region=regions.labels.astype(np.int32),
         strategy=strategy,
         round=round,
@@ -129,15 +129,6 @@ def draft_of(grouped: Grouped) -> Draft:
         point_values(grouped.groups.classes, grouped.points, UNLABELLED),
         point_values(grouped.groups.confidence, grouped.points, 0.0).astype(np.float32),
     )
-
-
-def fill_by_looks(draft: Draft, record: RefreshRecord) -> Draft:
-    """Points without a class take that of the regions that look like theirs, where there is such a guess."""
-    if record.guess is None or record.guess_confidence is None:
-        return draft
-    guess = point_values(record.guess, record.point_region, UNLABELLED)
-    confidence = point_values(record.guess_confidence, record.point_region, 0.0)
-    return overlay(draft, (draft.semantic < 0) & (guess >= 0), guess, confidence)
 
 
 def overlay(

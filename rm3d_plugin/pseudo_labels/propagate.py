@@ -274,22 +274,6 @@ def nearest_instances(
     return out
 
 
-def of_present_classes(
-    probabilities: Float[np.ndarray, 'points classes'], true_labels: Int[np.ndarray, ' points']
-) -> Float[np.ndarray, 'points classes']:
-    """The softmax over those classes alone of which the scene holds a true label; unchanged where it holds none.
-
-    Rows of which nothing is left (or that the network did not see) become NaN.
-    """
-    present = np.zeros(probabilities.shape[1], dtype=bool)
-    present[true_labels[true_labels >= 0]] = True
-    if not present.any():
-        return probabilities
-    kept = np.where(present, probabilities, 0.0)
-    total = kept.sum(axis=1, keepdims=True)
-    return np.where(total > 0, kept / np.where(total > 0, total, 1.0), np.nan)
-
-
 def confident_parts(
     probabilities: Float[np.ndarray, 'points classes'],
     region_labels: Int[np.ndarray, ' points'],

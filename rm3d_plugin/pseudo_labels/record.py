@@ -27,8 +27,6 @@ class RefreshRecord:
         votes: (R, C) true labels that spread, by class.
         class_counts: (C,) revealed labels of each class; breaks ties.
         class_gamma: (C,) confidence that each class asks for beside gamma, or None.
-        guess: (R,) class of the regions that look alike, for those without votes; -1 = none; or None.
-        guess_confidence: (R,) its confidence, or None.
         point_region: (N,) int32 region of each point, -1 = none.
         strategy: Fields of the strategy.
         round: The round.
@@ -45,8 +43,6 @@ class RefreshRecord:
     votes: Int[np.ndarray, 'regions classes']
     class_counts: Int[np.ndarray, ' classes']
     class_gamma: Float[np.ndarray, ' classes'] | None
-    guess: Int[np.ndarray, ' regions'] | None
-    guess_confidence: Float[np.ndarray, ' regions'] | None
     point_region: Int[np.ndarray, ' points']
     strategy: MergeStrategy
     round: int
@@ -69,7 +65,7 @@ class RefreshRecord:
         Raises:
             ValueError: An array is missing.
         """
-        optional = ('centers', 'outside', 'class_gamma', 'guess', 'guess_confidence')
+        optional = ('centers', 'outside', 'class_gamma')
         names = [item.name for item in fields(cls)]
         if missing := [name for name in names if name not in arrays and name not in optional]:
             raise ValueError(f'RefreshRecord: {missing} are missing; the ledger was written without a record to replay')

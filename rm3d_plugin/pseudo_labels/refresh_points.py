@@ -3,20 +3,18 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.pseudo_labels.alike import RegionGuess
 from rm3d_plugin.pseudo_labels.draft import (
     Draft,
     Grouped,
     apply_quota,
     check_rows,
     draft_of,
-    fill_by_looks,
     group_regions,
     keep_previous,
     overlay,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances, of_present_classes
+from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances
 from rm3d_plugin.pseudo_labels.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.spread import (
     mixed_regions,
@@ -44,7 +42,7 @@ def refresh_points(
     class_counts: Int[np.ndarray, ' classes'],
     thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...] = (),
     class_lengths: Float[np.ndarray, ' classes'] | None = None,
-    guess: RegionGuess | None = None,
+    prior: Float[np.ndarray, 'regions classes'] | None = None,
 ) -> RefreshResult:
     """Point labels of one scene of a segmentation run: classes and instances, no boxes.
 
@@ -52,8 +50,8 @@ def refresh_points(
     that of a near one, see ``strategy.mixed_regions``; points of quite another colour may be left out, see
     ``strategy.spread_color``, and what is said of a region too long for its class, see
     ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
-    Other groups take the class that the network gives them with confidence, else their regions that of the labelled
-    regions that look alike (``guess``), and are one instance each, or none (``strategy.new_instances``).
+    Other groups take the class that the network (and the ``prior``) gives them with confidence, and are one instance
+    each, or none (``strategy.new_instances``).
 
     Args:
         prepared_cloud: Points of the scene, metres.
@@ -69,7 +67,8 @@ def refresh_points(
         thing_classes: Classes that have instances.
         class_lengths: (C,) metres, how long the region of a revealed point of each class usually is, for
             ``strategy.spread_extent``; NaN where unknown.
-        guess: What the regions are by their looks, or None; see :func:`~.alike.guess_by_looks`.
+        prior: (R, C) what the regions may be by looks and place, with which the softmax is multiplied; in the first
+            round it stands alone. None: the network alone is asked. See :mod:`~rm3d_plugin.pseudo_labels.prior`.
 
     Raises:
         ValueError: A row count does not fit.
@@ -78,17 +77,13 @@ def refresh_points(
     check_rows(len(xyz), regions=regions.labels, weak=weak)
     truth = known_points(weak)
     counts = np.asarray(class_counts)
-    if probabilities is not None and strategy.present_only:
-        check_rows(len(xyz), probabilities=probabilities)
-        probabilities = of_present_classes(probabilities, truth.semantic)
     spread = _that_spread(truth, regions, graph, class_lengths, strategy)
     grouped = group_regions(
-        prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts, None, guess
+        prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts, None, prior
     )
     grouped = apply_quota(grouped, strategy, round)
     draft = draft_of(grouped)
     draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, previous, strategy)
-    draft = fill_by_looks(draft, grouped.record)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes, strategy.new_instances)

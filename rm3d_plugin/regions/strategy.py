@@ -68,15 +68,14 @@ class MergeStrategy:
         spread_extent: A revealed point speaks for its region only where that is at most this many times as long as the
             regions of its class usually are (their median over all training scenes); else for itself alone, and the
             region asks the network. Smaller: fewer and purer labels. None: no limit. Segmentation only.
-        spread_alike: Confidence from which a region without revealed points takes the class of the labelled regions, of
-            all training scenes, that look most alike (see :mod:`rm3d_plugin.pseudo_labels.alike`), where the network
-            names none. Smaller: more labels, less pure. None: never. Segmentation only.
+        region_prior: Multiply the network's softmax with what each region may be by its shape, its colour and how near
+            revealed points lie (see :mod:`rm3d_plugin.pseudo_labels.prior`); in the first round that stands alone. A
+            class of which a scene holds no revealed point is out, which is true of budgets that reveal one of each
+            class there is, as all budgets of points here do, and not of clicks that leave out a class. Segmentation
+            only.
         new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: its
             points are of no known instance, so that pieces of an object do not teach offsets to their own middles.
             Segmentation only.
-        present_only: A scene with revealed points holds no other classes than theirs, so the network's word is taken
-            among these alone. True of budgets that reveal a point of each class there is, as all budgets of points
-            here do; not of clicks that leave out a class. Segmentation only.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
             neither trained on nor used for merging; 0: no check. Segmentation only.
         hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
@@ -115,9 +114,8 @@ class MergeStrategy:
     near_color: float = 0.16
     spread_color: float | None = None
     spread_extent: float | None = None
-    spread_alike: float | None = None
+    region_prior: bool = False
     new_instances: bool = True
-    present_only: bool = False
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
 
@@ -137,7 +135,6 @@ class MergeStrategy:
         for name in ('spread_color', 'spread_extent'):
             limit = getattr(self, name)
             self._check(name, limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
-        self._check('spread_alike', self.spread_alike is None or 0 < self.spread_alike < 1, 'in (0, 1), or None')
         self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
         self._check('quota', self.quota is None or 0 < self.quota <= 1, 'a share in (0, 1], or None')
@@ -151,7 +148,7 @@ class MergeStrategy:
         distances = self.centre_distance if isinstance(self.centre_distance, tuple) else (self.centre_distance,)
         self._check('centre_distance', all(d is None or d > 0 for d in distances), 'metres > 0, or None')
         switches = [f.name for f in fields(self) if f.name.startswith('use_')]
-        for name in (*switches, 'weight_balancing', 'permanent', 'new_instances', 'present_only'):
+        for name in (*switches, 'weight_balancing', 'permanent', 'new_instances', 'region_prior'):
             self._check(name, isinstance(getattr(self, name), bool), 'True or False')
 
     def _check(self, name: str, good: bool, expected: str) -> None:
