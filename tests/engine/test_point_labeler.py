@@ -124,9 +124,9 @@ def test_points_do_not_name_regions_far_longer_than_their_class_has_elsewhere(tm
     assert 0.001 < limited.store.summary(0)['coverage'] < free.store.summary(0)['coverage']
 
 
-def test_labels_spread_to_regions_that_look_alike(tmp_path):
+def test_labels_spread_by_what_regions_may_be(tmp_path):
     plain = labeler(tmp_path, 'onept')
-    made = labeler(tmp_path / 'alike', 'onept', strategy={'spread_alike': 0.05})
+    made = labeler(tmp_path / 'prior', 'onept', strategy={'region_prior': True})
     for one in (plain, made):
         one.start(keep=False, log=lambda text: None)
     labelled = 0
@@ -141,7 +141,8 @@ def test_labels_spread_to_regions_that_look_alike(tmp_path):
         known = before.semantic >= 0
         np.testing.assert_array_equal(after.semantic[known], before.semantic[known])
         gained = ~known & (after.semantic >= 0)
-        assert not after.point_is_true[gained].any() and (after.confidence[gained] >= 0.05).all()
+        assert not after.point_is_true[gained].any() and (after.confidence[gained] >= made.strategy.gamma).all()
+        assert np.isin(after.semantic[gained], made.weak(scene).semantic).all()  # no class that nobody revealed here
     assert made.store.summary(0)['coverage'] > plain.store.summary(0)['coverage']
 
 

@@ -8,7 +8,7 @@ from pseudo_labels.patches import make_patches
 
 from rm3d_plugin.engine.replay import decide_again
 from rm3d_plugin.pseudo_labels import refresh_points
-from rm3d_plugin.pseudo_labels.propagate import confident_parts, of_present_classes
+from rm3d_plugin.pseudo_labels.propagate import confident_parts
 from rm3d_plugin.pseudo_labels.spread import (
     mixed_regions,
     nearest_seeds,
@@ -195,27 +195,6 @@ def test_regions_too_long_for_their_class_wait_for_the_network_and_a_replay_keep
         (0,),
     )
     assert plain.labels.coverage > first.coverage
-
-
-def test_the_network_is_asked_for_present_classes_alone():
-    rows = np.array([[0.5, 0.3, 0.2], [1.0, 0.0, 0.0], [np.nan] * 3, [0.0, 0.0, 0.0]])
-    found = of_present_classes(rows, np.array([-1, 2, 1, -1]))
-    np.testing.assert_allclose(found, [[0, 0.6, 0.4], [np.nan] * 3, [np.nan] * 3, [np.nan] * 3])
-    assert of_present_classes(rows, np.full(4, -1)) is rows
-
-    patches = make_patches(1, revealed=0.05)
-    classes = len(patches.counts)
-    absent = np.full((len(patches.truth), classes + 1), 0.0)
-    absent[:, classes], absent[np.arange(len(patches.truth)), patches.truth] = 0.6, 0.4  # sure of what is not there
-    counts = np.append(patches.counts, 9)
-
-    def refresh(present_only):
-        strategy = replace(NEAREST, gamma=0.55, present_only=present_only)
-        scene = (patches.cloud, patches.regions, patches.graph, patches.weak)
-        return refresh_points(*scene, absent, None, None, strategy, 1, counts, (0,)).labels.semantic
-
-    assert (refresh(False) == classes).any()
-    assert (refresh(True) < classes).all() and (refresh(True) == patches.truth).mean() > 0.9
 
 
 def test_the_choice_is_checked():
