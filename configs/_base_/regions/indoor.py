@@ -10,4 +10,6 @@ strategy = dict(
     spread_color=0.45,
     spread_extent=3.0,
     new_instances=False,
+    region_prior=True,
+    gamma=0.6,  # of prior and network together
 )
