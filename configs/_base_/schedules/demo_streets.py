@@ -19,7 +19,8 @@ demo = dict(
     ground_cell=4.0,
     true_share=0.5,
     oversegmenter=dict(rest=dict(zeta=0.05)),
-    strategy=dict(mixed_regions='nearest'),
+    gamma=0.6,
+    strategy=dict(mixed_regions='nearest', spread_extent=3.0),
 )
 one_cycle = [
     dict(

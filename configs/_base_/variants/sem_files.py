@@ -12,7 +12,7 @@ sigma = 20
 periods = [20, 40]
 learning_rate = 1e-2
 class_power = 0.5
-gamma = 0.9
+gamma = 0.75
 voxel_size = 0.4  # m
 point_columns = [
     'shape',
