@@ -34,7 +34,12 @@ DATASETS = PartRegistry('dataset', parent=parent.DATASETS, scope=SCOPE, location
 DATA_SAMPLERS = PartRegistry(
     'data sampler', parent=parent.DATA_SAMPLERS, scope=SCOPE, locations=['rm3d_plugin.datasets']
 )
-TRANSFORMS = PartRegistry('transform', parent=parent.TRANSFORMS, scope=SCOPE, locations=['rm3d_plugin.datasets'])
+TRANSFORMS = PartRegistry(
+    'transform',
+    parent=parent.TRANSFORMS,
+    scope=SCOPE,
+    locations=['rm3d_plugin.datasets', 'rm3d_plugin.engine.region_numbers'],
+)
 METRICS = PartRegistry('metric', parent=parent.METRICS, scope=SCOPE, locations=['rm3d_plugin.evaluation'])
 HOOKS = PartRegistry('hook', parent=parent.HOOKS, scope=SCOPE, locations=['rm3d_plugin.engine'])
 LOOPS = PartRegistry('loop', parent=parent.LOOPS, scope=SCOPE, locations=['rm3d_plugin.engine'])

@@ -7,6 +7,7 @@ from rm3d_plugin.engine.labeler import SceneLabeler
 from rm3d_plugin.engine.loops import RoundTrainLoop
 from rm3d_plugin.engine.point_labeler import PointLabeler
 from rm3d_plugin.engine.point_source import PointBudgetSource
+from rm3d_plugin.engine.region_numbers import RegionNumbers
 from rm3d_plugin.engine.sources import BoxBudgetSource, DatasetSource, LabelSource
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     'PointBudgetSource',
     'PointLabeler',
     'PointPrediction',
+    'RegionNumbers',
     'RoundTrainLoop',
     'SceneLabeler',
     'hooks',

@@ -17,10 +17,11 @@ from rm3d_plugin.engine.round_times import Seconds, Stopwatch
 from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.pseudo_labels import WeakLabels
 from rm3d_plugin.regions import MergeStrategy
-from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
-from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS, TASK_UTILS
-from rm3d_plugin.storage import LabelStore, SceneCache, content_key
-from rm3d_plugin.structures import Boxes3D, PseudoLabels
+from rm3d_plugin.regions.geometry import SceneGeometry
+from rm3d_plugin.regions.prepare import PreparedScene
+from rm3d_plugin.registry import TASK_UTILS
+from rm3d_plugin.storage import LabelStore, SceneCache
+from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels
 
 Log = Callable[[str], None]
 
@@ -82,10 +83,7 @@ class BaseLabeler(ABC):
         self.cache = SceneCache(cache)
         self.source: LabelSource = TASK_UTILS.build(source) if isinstance(source, Mapping) else source
         self.strategy = MergeStrategy(**(strategy or {}))
-        self._settings = (dict(descriptor), dict(oversegmenter), graph_neighbors, max_gap)
-        self._descriptor = DESCRIPTORS.build(dict(descriptor))
-        self._oversegmenter = OVERSEGMENTERS.build(dict(oversegmenter))
-        self._graph_neighbors, self._max_gap = graph_neighbors, max_gap
+        self._geometry = SceneGeometry(self.cache, descriptor, oversegmenter, graph_neighbors, max_gap)
         self.index_of = {scene: i for i, scene in enumerate(self.source.scene_ids)}
         self.judging = Seconds()
         self._keys: dict[str, str] = {}
@@ -112,29 +110,14 @@ class BaseLabeler(ABC):
 
     def prepared(self, scene_id: str) -> PreparedScene:
         """Regions and graph of a scene, from the cache or made now."""
-        if scene_id not in self._keys:
-            self._keys[scene_id] = self._content_key(scene_id)
+        if scene_id not in self._keys:  # it stays as it is for the whole run
+            self._keys[scene_id] = self._geometry.key(self._cloud(scene_id), self.seeds(scene_id))
+        return self._geometry.prepared(
+            self._keys[scene_id], lambda: self._cloud(scene_id), lambda: self.seeds(scene_id), scene_id
+        )
 
-        def make() -> dict[str, np.ndarray]:
-            scene = prepare_scene(
-                self.source.load_cloud(self.index_of[scene_id]),
-                self._descriptor,
-                self._oversegmenter,
-                self._graph_neighbors,
-                self._max_gap,
-                self.seeds(scene_id),
-                name=scene_id,
-            )
-            return scene.to_arrays()
-
-        return PreparedScene.from_arrays(self.cache.get_or_make(self._keys[scene_id], make))
-
-    def _content_key(self, scene_id: str) -> str:
-        """What the geometry of a scene depends on; it stays as it is for the whole run."""
-        cloud = self.source.load_cloud(self.index_of[scene_id])
-        channels = [values for values in (cloud.xyz, cloud.intensity, cloud.colors) if values is not None]
-        seeds = self.seeds(scene_id)
-        return content_key('prepared', PREPARED_VERSION, channels, self._settings, *([] if seeds is None else [seeds]))
+    def _cloud(self, scene_id: str) -> PointCloud:
+        return self.source.load_cloud(self.index_of[scene_id])
 
     def weak(self, scene_id: str) -> WeakLabels:
         """Revealed labels of a scene."""
@@ -218,6 +201,3 @@ class BaseLabeler(ABC):
 
 def _prepare_one(labeler: BaseLabeler, scene_id: str) -> None:
     labeler.prepared(scene_id)
-
-
-PREPARED_VERSION = 2  # raise it when the geometry path changes, so that older caches are not read

@@ -5,8 +5,17 @@ import pickle
 import numpy as np
 import pytest
 
-from rm3d_plugin.datasets.transforms import ClassCrop, LevelGround, ShapeFeatures, class_center, shape_columns
+from rm3d_plugin.datasets.transforms import (
+    ClassCrop,
+    ClearanceFeatures,
+    LevelGround,
+    ShapeFeatures,
+    class_center,
+    clearance_columns,
+    shape_columns,
+)
 from rm3d_plugin.datasets.transforms.recent import RecentArrays
+from rm3d_plugin.ops.clearance import clearance
 from rm3d_plugin.ops.geometric_features import geometric_features
 
 
@@ -33,7 +42,7 @@ def test_heights_are_above_the_ground_and_poles_stay_upright():
     assert level.dtype == np.float32
 
 
-@pytest.mark.parametrize('step', [LevelGround(), ShapeFeatures()])
+@pytest.mark.parametrize('step', [LevelGround(), ShapeFeatures(), ClearanceFeatures()])
 def test_views_come_later(step):
     with pytest.raises(ValueError, match='AugmentedView behind it'):
         step(item(np.zeros((5, 3), dtype=np.float32), aug_points=np.zeros((5, 3))))
@@ -62,6 +71,18 @@ def test_shape_columns_of_few_points():
     assert not shape_columns(np.ones((1, 3), dtype=np.float32)).any()
     with pytest.raises(ValueError, match='two numbers'):
         ShapeFeatures((8,))
+
+
+def test_clearance_columns_are_a_narrow_and_a_wide_look():
+    xyz = slope_with_pole(np.random.default_rng(1))
+    points = np.column_stack([xyz, np.full(len(xyz), 0.5, dtype=np.float32)])
+    out = ClearanceFeatures(0.4)(item(points))['points']
+    assert out.shape == (4060, 16) and out.dtype == np.float32
+    assert np.array_equal(out[:, :4], points)
+    assert np.array_equal(out[:, 4:], np.concatenate([clearance(xyz, 0.4), clearance(xyz, 0.4, 1)], axis=1))
+    assert clearance_columns(np.zeros((0, 3), dtype=np.float32)).shape == (0, 12)
+    with pytest.raises(ValueError, match='cell: expected metres > 0, got 0'):
+        ClearanceFeatures(0)
 
 
 def test_each_class_is_as_likely():

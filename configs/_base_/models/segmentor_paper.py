@@ -16,11 +16,16 @@ model = dict(
     aug_loss='${aug_loss}',
     dice_loss='${dice_loss}',
     thing_classes='${thing_classes}',
-    inference=dict(first_angle='${first_angle}'),
+    inference=dict(
+        first_angle='${first_angle}', votes='${votes}', region_share='${region_share}', prior_power='${prior_power}'
+    ),
 )
 voxel_size = 0.02  # m
 widths = [16, 32, 48, 64, 80, 96, 112]
 blocks = 2
+votes = 1  # directions from which a scene is predicted
+region_share = 0.0  # of a point's probabilities that is its region's mean; above 0 eval_pipeline needs RegionNumbers
+prior_power = 0.0  # of the classes' revealed labels, at test time; larger: rare classes are said more rarely
 first_angle = 0.0  # degrees by which a scene is turned before it is predicted
 use_coordinates = False  # True: the place in the scene too; crops then differ from whole scenes
 use_columns = '${point_columns}'  # []: a network that sees shapes only

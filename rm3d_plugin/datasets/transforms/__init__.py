@@ -1,6 +1,7 @@
 """Steps of a training pipeline: dict of arrays -> dict of arrays, chance only from ``results['rng']``."""
 
 from rm3d_plugin.datasets.transforms.augmented_view import AugmentedView, ViewSettings, augmented_view
+from rm3d_plugin.datasets.transforms.clearance_features import ClearanceFeatures, clearance_columns
 from rm3d_plugin.datasets.transforms.geometric import GlobalRotScale, RandomFlipY, flip_y, rotate_scale
 from rm3d_plugin.datasets.transforms.indoor import (
     ColorAutoContrast,
@@ -23,6 +24,7 @@ from rm3d_plugin.datasets.transforms.shape_features import ShapeFeatures, shape_
 __all__ = [
     'AugmentedView',
     'ClassCrop',
+    'ClearanceFeatures',
     'ColorAutoContrast',
     'ColorDrop',
     'ColorJitter',
@@ -43,6 +45,7 @@ __all__ = [
     'augmented_view',
     'auto_contrast',
     'class_center',
+    'clearance_columns',
     'crop_rows',
     'elastic',
     'flip_y',

@@ -17,6 +17,7 @@ _FIELDS = {
     'semantic': ('pts_semantic_mask', np.int64),
     'instance': ('pts_instance_mask', np.int64),
     'is_true': ('pts_is_true', np.bool_),
+    'region': ('pts_region', np.int64),
 }
 
 

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from rm3d_plugin.structures import SceneError
 
-Column = Literal['intensity', 'rgb', 'shape', 'place']
-_WIDTHS = {'intensity': 1, 'rgb': 3, 'shape': 8, 'place': 8}
+Column = Literal['intensity', 'rgb', 'shape', 'clearance', 'place']
+_WIDTHS = {'intensity': 1, 'rgb': 3, 'shape': 8, 'clearance': 12, 'place': 8}
 _FLOOR = 0.01  # share of a scene's points below its floor: stray points do not count
 
 
@@ -19,8 +19,9 @@ class PointInputs:
     """Which features a point has.
 
     Attributes:
-        columns: What the scans have behind x, y, z, in the order of the points: intensity, rgb, shape and place (as the
-            transforms ``ShapeFeatures`` and ``ScenePlace`` append them), all in [0, 1].
+        columns: What the scans have behind x, y, z, in the order of the points: intensity, rgb, shape, clearance and
+            place (as the transforms ``ShapeFeatures``, ``ClearanceFeatures`` and ``ScenePlace`` append them), all in
+            [0, 1].
         use: Those of ``columns`` that the network sees; None: all. Leaving out colour makes a network that colour
             cannot mislead.
         height: Whether it sees the height above the scene's floor.
@@ -43,8 +44,8 @@ class PointInputs:
                 raise ValueError(f'PointInputs.columns: expected names out of {get_args(Column)}, got {name!r}')
         if tuple(self.columns) != tuple(name for name in get_args(Column) if name in self.columns):
             raise ValueError(
-                'PointInputs.columns: expected intensity before rgb before shape before place, each once, '
-                f'got {self.columns}'
+                'PointInputs.columns: expected intensity before rgb before shape before clearance before place, each '
+                f'once, got {self.columns}'
             )
         if not set(self.used) <= set(self.columns):
             raise ValueError(f'PointInputs.use: {self.use} names what columns={self.columns} does not have')

@@ -13,11 +13,17 @@ from rm3d_plugin.models.heads.point_labels import PointLabels, join_point_labels
 from rm3d_plugin.models.segmentors.chunks import Chunk, Progress
 from rm3d_plugin.models.segmentors.instance_dice import soft_instance_masks
 from rm3d_plugin.models.segmentors.point_inputs import PointInputs, point_inputs
-from rm3d_plugin.models.segmentors.scene_inference import Predict, SceneInference, average_views
+from rm3d_plugin.models.segmentors.scene_inference import (
+    Predict,
+    SceneInference,
+    average_views,
+    mix_regions,
+    with_prior,
+)
 from rm3d_plugin.models.segmentors.scene_instances import scene_instances
 from rm3d_plugin.models.view_statistics import kept_statistics
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import SceneSample
+from rm3d_plugin.structures import SceneError, SceneSample
 
 _COMMON_POINTS = 1000  # METHOD 7
 
@@ -62,7 +68,7 @@ class RM3DSegmentor(BaseModel):
         thing_classes: Classes that have instances.
         predict_instances: Whether ``predict`` looks for instances, where there is an instance head.
         predict_points: Predict class probabilities and centres of points only; the label hook sets it while it asks
-            for pseudo labels, which need no instances and no further views.
+            for pseudo labels, which need no instances and no further views, and have regions of their own.
         inference: Fields of :class:`SceneInference`: chunks for large scenes, voting over views. Default: scenes are
             read whole and once.
         data_preprocessor: ``ScenePreprocessor`` by default.
@@ -186,6 +192,7 @@ class RM3DSegmentor(BaseModel):
             chunks = self.inference.chunks(xyz.numpy())
             values = self._averaged(points, chunks) if together is None else together[number]
             probs, offsets = values[:, : self.num_classes].clone(), values[:, self.num_classes :]
+            probs = probs if self.predict_points else self._settled(probs, sample)
             sample.pred_point_probs = probs
             if self.instance_head is None:
                 continue
@@ -198,6 +205,19 @@ class RM3DSegmentor(BaseModel):
                 sample.pred_instance_labels = torch.from_numpy(found.labels)
                 sample.pred_instance_scores = torch.from_numpy(found.scores)
         return samples
+
+    def _settled(self, probs: Tensor, sample: SceneSample) -> Tensor:
+        """What regions and how often classes are have to say to the network's probabilities."""
+        if self.inference.region_share:
+            if 'pts_region' not in sample:
+                raise SceneError(
+                    f'scene {sample.get("scene_id", "")}: inference.region_share wants pts_region of each point; '
+                    'put RegionNumbers into the pipeline, or set region_share=0'
+                )
+            probs = mix_regions(probs, sample.pts_region.cpu(), self.inference.region_share)
+        if self.inference.prior_power:
+            probs = with_prior(probs, self.semantic_head.class_counts.cpu(), self.inference.prior_power)
+        return probs
 
     @staticmethod
     def _joined(output: SegmentorOutput) -> Float[Tensor, 'points values']:

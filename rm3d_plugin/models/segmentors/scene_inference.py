@@ -6,10 +6,11 @@ from typing import Literal, get_args
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from rm3d_plugin.models.segmentors.chunks import Chunk, Progress, average_rows, make_chunks
+from rm3d_plugin.ops.segment import segment_mean
 
 Flip = Literal['none', 'both']
 Predict = Callable[[Tensor], Float[Tensor, 'rows columns']]
@@ -29,6 +30,10 @@ class SceneInference:
             which a network that is trained on turned rooms hardly ever saw; it reads a turned room better.
         stitch_iou: Instances of one class in two chunks are one where they overlap at least so much, among the points
             that both chunks have.
+        region_share: In [0, 1]: how much of a point's probabilities is the mean over its region (transform
+            ``RegionNumbers``); the rest is its own. Larger: things have one class, regions that mix two things as well.
+        prior_power: Probabilities are multiplied by (revealed labels of the class) ^ this, since crops and class
+            weights show rare classes more often than they are. Larger: they are said more rarely; 0: as trained.
     """
 
     max_points: int | None = None
@@ -38,6 +43,8 @@ class SceneInference:
     flip: Flip = 'none'
     first_angle: float = 0.0
     stitch_iou: float = 0.5
+    region_share: float = 0.0
+    prior_power: float = 0.0
 
     def __post_init__(self) -> None:
         if self.flip not in get_args(Flip):
@@ -54,6 +61,10 @@ class SceneInference:
             raise ValueError(f'inference.chunk_size: expected metres > 0, got {self.chunk_size}')
         if not 0 <= self.margin < np.inf or not 0 < self.stitch_iou <= 1:
             raise ValueError(f'inference: expected margin >= 0 and 0 < stitch_iou <= 1, got {self}')
+        if not 0 <= self.region_share <= 1:
+            raise ValueError(f'inference.region_share: expected a share from 0 to 1, got {self.region_share}')
+        if not 0 <= self.prior_power < np.inf:
+            raise ValueError(f'inference.prior_power: expected a number from 0, got {self.prior_power}')
 
     @property
     def views(self) -> Float[np.ndarray, 'views 3 3']:
@@ -96,6 +107,39 @@ def turn(points: Float[Tensor, 'points columns'], matrix: Float[np.ndarray, '3 3
         return points
     xyz = points[:, :3].double() @ torch.from_numpy(matrix).T.to(points.device)
     return torch.cat([xyz.to(points.dtype), points[:, 3:]], dim=1)
+
+
+def mix_regions(
+    probs: Float[Tensor, 'points classes'], regions: Int[Tensor, ' points'], share: float
+) -> Float[Tensor, 'points classes']:
+    """Probabilities of points, drawn towards the mean of their region.
+
+    Args:
+        probs: Of each point.
+        regions: Region of each point; points of region -1 keep theirs.
+        share: Of the mean; 0: points as they are, 1: the same for all points of a region.
+
+    >>> mix_regions(torch.tensor([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]), torch.tensor([0, 0, -1]), 0.5).tolist()
+    [[0.75, 0.25], [0.25, 0.75], [0.0, 1.0]]
+    """
+    labels = regions.numpy()
+    means = torch.from_numpy(segment_mean(probs.numpy(), labels, int(labels.max(initial=-1)) + 1)).to(probs)
+    known = regions >= 0
+    mixed = probs.clone()
+    mixed[known] = torch.lerp(probs[known], means[regions[known]], share)
+    return mixed
+
+
+def with_prior(
+    probs: Float[Tensor, 'points classes'], counts: Float[Tensor, ' classes'], power: float
+) -> Float[Tensor, 'points classes']:
+    """Probabilities times counts^power, adding up to 1 again; a class without a count has that of a count of 1.
+
+    >>> with_prior(torch.tensor([[0.5, 0.5]]), torch.tensor([9.0, 1.0]), 0.5).tolist()
+    [[0.75, 0.25]]
+    """
+    weighed = probs * counts.clamp_min(1.0).pow(power)
+    return weighed / weighed.sum(dim=1, keepdim=True)
 
 
 def average_views(

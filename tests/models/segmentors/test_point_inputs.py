@@ -25,6 +25,7 @@ def test_features_by_hand():
         (PointInputs(columns=('intensity', 'rgb'), use=('rgb',)), 7, 7),
         (PointInputs(columns=('rgb',), use=(), height=False, coordinates=False), 6, 1),
         (PointInputs(coordinates=False), 6, 5),
+        (PointInputs(columns=('shape', 'clearance'), coordinates=False), 23, 22),
     ],
 )
 def test_channels_are_counted(settings, columns, channels):

@@ -4,8 +4,16 @@ import torch
 from coloured_boxes import make_room, segmentor_config
 from mmengine.dataset import pseudo_collate
 
-from rm3d_plugin.models.segmentors.scene_inference import SceneInference, average_views, turn, view_matrices
+from rm3d_plugin.models.segmentors.scene_inference import (
+    SceneInference,
+    average_views,
+    mix_regions,
+    turn,
+    view_matrices,
+    with_prior,
+)
 from rm3d_plugin.registry import MODELS
+from rm3d_plugin.structures import SceneError
 
 
 def build(**changes):
@@ -130,6 +138,42 @@ def test_a_large_scene_is_never_held_by_the_network():
     assert max(seen) <= 20_000 and len(seen) == len(chunks) < 30
 
 
+def test_points_are_drawn_towards_the_mean_of_their_region():
+    probs, regions = torch.rand(60, 3), torch.from_numpy(np.random.default_rng(0).integers(-1, 5, 60))
+    slow = probs.clone()
+    for row, region in enumerate(regions.tolist()):
+        if region >= 0:
+            slow[row] = 0.3 * probs[row] + 0.7 * probs[regions == region].mean(dim=0)
+    torch.testing.assert_close(mix_regions(probs, regions, 0.7), slow)
+    assert torch.equal(mix_regions(probs, torch.full((60,), -1), 1.0), probs)
+    assert mix_regions(probs[:0], regions[:0], 1.0).shape == (0, 3)
+
+
+def test_regions_speak_at_test_time_and_not_for_pseudo_labels():
+    model, plain, item = build(inference=dict(region_share=1.0)), build(), make_room(0)
+    with pytest.raises(SceneError, match='room_0: inference.region_share wants pts_region'):
+        predict(model, item)
+    regions = torch.arange(len(item['inputs']['points'])) // 100
+    item['data_samples'].pts_region = regions
+    own = predict(plain, item)[0].pred_point_probs
+    torch.testing.assert_close(predict(model, item)[0].pred_point_probs, mix_regions(own, regions, 1.0))
+    model.predict_points = True
+    torch.testing.assert_close(predict(model, item)[0].pred_point_probs, own)
+
+
+def test_rare_classes_are_said_more_rarely_by_a_prior():
+    model, plain, item = build(inference=dict(prior_power=0.3)), build(), make_room(0)
+    own = predict(plain, item)[0].pred_point_probs
+    torch.testing.assert_close(predict(model, item)[0].pred_point_probs, own)  # nobody told any counts
+    model.set_class_counts(torch.tensor([1000, 10, 0]))
+    weighed = own.double() * torch.tensor([1000**0.3, 10**0.3, 1.0])
+    expected = (weighed / weighed.sum(dim=1, keepdim=True)).float()
+    torch.testing.assert_close(predict(model, item)[0].pred_point_probs, expected)
+    torch.testing.assert_close(with_prior(own, torch.tensor([1000.0, 10, 0]), 0.3), expected)
+    model.predict_points = True
+    torch.testing.assert_close(predict(model, item)[0].pred_point_probs, own)
+
+
 @pytest.mark.parametrize(
     ('settings', 'told'),
     [
@@ -137,6 +181,8 @@ def test_a_large_scene_is_never_held_by_the_network():
         (dict(max_points=0), 'max_points: expected a whole number'),
         (dict(chunk_size=0.0), 'chunk_size: expected metres > 0'),
         (dict(margin=-1.0), 'margin >= 0'),
+        (dict(prior_power=-1.0), 'prior_power: expected a number from 0, got -1.0'),
+        (dict(region_share=1.5), 'region_share: expected a share from 0 to 1, got 1.5'),
         (dict(first_angle=float('nan')), 'first_angle: expected degrees, got nan'),
     ],
 )

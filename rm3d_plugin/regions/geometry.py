@@ -1,0 +1,67 @@
+"""The geometry path of a run: one way to regions for all its scenes, each walked once."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int
+
+from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
+from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
+from rm3d_plugin.storage import SceneCache, content_key
+from rm3d_plugin.structures import PointCloud
+
+PREPARED_VERSION = 2  # raise it when the geometry path changes, so that older caches are not read
+
+Seeds = Int[np.ndarray, ' seeds'] | None
+
+
+class SceneGeometry:
+    """Prepares scenes with given settings, and keeps them by content, so that all who ask alike share them.
+
+    Args:
+        cache: Folder of prepared scenes.
+        descriptor: Config of a descriptor provider.
+        oversegmenter: Config of an over-segmenter.
+        graph_neighbors: K, adjacent regions that each region keeps.
+        max_gap: Metres; regions farther apart are not adjacent.
+    """
+
+    def __init__(
+        self,
+        cache: SceneCache,
+        descriptor: Mapping[str, Any],
+        oversegmenter: Mapping[str, Any],
+        graph_neighbors: int = 8,
+        max_gap: float | None = None,
+    ) -> None:
+        self.cache = cache
+        self._settings = (dict(descriptor), dict(oversegmenter), graph_neighbors, max_gap)
+        self._descriptor = DESCRIPTORS.build(dict(descriptor))
+        self._oversegmenter = OVERSEGMENTERS.build(dict(oversegmenter))
+        self._graph_neighbors, self._max_gap = graph_neighbors, max_gap
+
+    def key(self, cloud: PointCloud, seeds: Seeds) -> str:
+        """What the geometry of a scene depends on."""
+        channels = [values for values in (cloud.xyz, cloud.intensity, cloud.colors) if values is not None]
+        return content_key('prepared', PREPARED_VERSION, channels, self._settings, *([] if seeds is None else [seeds]))
+
+    def prepared(
+        self, key: str, cloud: Callable[[], PointCloud], seeds: Callable[[], Seeds], name: str
+    ) -> PreparedScene:
+        """Regions and graph of a scene, from the cache or made now.
+
+        Args:
+            key: Of the scene, see :meth:`key`.
+            cloud: Reads its points, where they are needed.
+            seeds: Points from which its over-segmentation starts.
+            name: For warnings.
+        """
+
+        def make() -> dict[str, np.ndarray]:
+            scene = prepare_scene(
+                cloud(), self._descriptor, self._oversegmenter, self._graph_neighbors, self._max_gap, seeds(), name=name
+            )
+            return scene.to_arrays()
+
+        return PreparedScene.from_arrays(self.cache.get_or_make(key, make))
