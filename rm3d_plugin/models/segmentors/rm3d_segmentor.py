@@ -18,7 +18,7 @@ from rm3d_plugin.models.segmentors.scene_inference import (
     SceneInference,
     average_views,
     mix_regions,
-    with_prior,
+    by_class_frequency,
 )
 from rm3d_plugin.models.segmentors.scene_instances import scene_instances
 from rm3d_plugin.models.view_statistics import kept_statistics
@@ -216,7 +216,7 @@ class RM3DSegmentor(BaseModel):
                 )
             probs = mix_regions(probs, sample.pts_region.cpu(), self.inference.region_share)
         if self.inference.prior_power:
-            probs = with_prior(probs, self.semantic_head.class_counts.cpu(), self.inference.prior_power)
+            probs = by_class_frequency(probs, self.semantic_head.class_counts.cpu(), self.inference.prior_power)
         return probs
 
     @staticmethod

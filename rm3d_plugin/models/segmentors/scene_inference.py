@@ -130,12 +130,12 @@ def mix_regions(
     return mixed
 
 
-def with_prior(
+def by_class_frequency(
     probs: Float[Tensor, 'points classes'], counts: Float[Tensor, ' classes'], power: float
 ) -> Float[Tensor, 'points classes']:
     """Probabilities times counts^power, adding up to 1 again; a class without a count has that of a count of 1.
 
-    >>> with_prior(torch.tensor([[0.5, 0.5]]), torch.tensor([9.0, 1.0]), 0.5).tolist()
+    >>> by_class_frequency(torch.tensor([[0.5, 0.5]]), torch.tensor([9.0, 1.0]), 0.5).tolist()
     [[0.75, 0.25]]
     """
     weighed = probs * counts.clamp_min(1.0).pow(power)

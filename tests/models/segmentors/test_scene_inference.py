@@ -10,7 +10,7 @@ from rm3d_plugin.models.segmentors.scene_inference import (
     mix_regions,
     turn,
     view_matrices,
-    with_prior,
+    by_class_frequency,
 )
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import SceneError
@@ -169,7 +169,7 @@ def test_rare_classes_are_said_more_rarely_by_a_prior():
     weighed = own.double() * torch.tensor([1000**0.3, 10**0.3, 1.0])
     expected = (weighed / weighed.sum(dim=1, keepdim=True)).float()
     torch.testing.assert_close(predict(model, item)[0].pred_point_probs, expected)
-    torch.testing.assert_close(with_prior(own, torch.tensor([1000.0, 10, 0]), 0.3), expected)
+    torch.testing.assert_close(by_class_frequency(own, torch.tensor([1000.0, 10, 0]), 0.3), expected)
     model.predict_points = True
     torch.testing.assert_close(predict(model, item)[0].pred_point_probs, own)
 
