@@ -17,8 +17,8 @@ from rm3d_plugin.models.segmentors.scene_inference import (
     Predict,
     SceneInference,
     average_views,
-    mix_regions,
     by_class_frequency,
+    mix_regions,
 )
 from rm3d_plugin.models.segmentors.scene_instances import scene_instances
 from rm3d_plugin.models.view_statistics import kept_statistics

@@ -7,10 +7,10 @@ from mmengine.dataset import pseudo_collate
 from rm3d_plugin.models.segmentors.scene_inference import (
     SceneInference,
     average_views,
+    by_class_frequency,
     mix_regions,
     turn,
     view_matrices,
-    by_class_frequency,
 )
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import SceneError
