@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -59,6 +61,7 @@ def test_prepare_measures_each_size_in_its_own_process(tmp_path):
     assert isinstance(result['exponent'], float)
 
 
+@pytest.mark.slow
 def test_a_large_scene_is_learnt_in_crops(tmp_path):
     result = bench(tmp_path, 'large-scene', '--points', '20000', '--crop', '6000', '--steps', '1')
     phases = ['labels, round 0', 'step 1', 'labels, round 1', 'step 2', 'prediction']
