@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numba
 import torch
-from benchmarks import descriptors, first_call, octree, prepare, regions, sparse_unet, training_step
+from benchmarks import descriptors, first_call, large_scene, octree, prepare, regions, sparse_unet, training_step
 
-BENCHMARKS = (sparse_unet, training_step, octree, *descriptors.ALL, *regions.ALL, prepare, first_call)
+BENCHMARKS = (sparse_unet, training_step, octree, *descriptors.ALL, *regions.ALL, prepare, large_scene, first_call)
 
 
 def main() -> None:

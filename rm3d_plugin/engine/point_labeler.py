@@ -23,17 +23,11 @@ from rm3d_plugin.pseudo_labels.held_in import (
     split_held_in,
     without_new_labels,
 )
-from rm3d_plugin.pseudo_labels.prior import (
-    RegionExamples,
-    collect_examples,
-    region_looks,
-    region_prior,
-)
-from rm3d_plugin.pseudo_labels.spread import seeded_regions, usual_lengths
-from rm3d_plugin.regions.features import region_lengths
+from rm3d_plugin.pseudo_labels.prior import region_prior
+from rm3d_plugin.pseudo_labels.survey import RegionSurvey, survey_regions
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
+from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 Seeds = Literal['none', 'revealed']
 
@@ -109,38 +103,16 @@ class PointLabeler(BaseLabeler):
         return counts
 
     @cached_property
-    def class_lengths(self) -> Float[np.ndarray, ' classes']:
-        """How long the regions of each class's revealed points usually are, over all scenes; metres, NaN: unknown."""
-        found: list[tuple[np.ndarray, np.ndarray]] = []
-        for scene in self.index_of:
-            prepared = self.prepared(scene)
-            seeded = seeded_regions(prepared.regions.labels, self.weak(scene).semantic)
-            found.append((seeded.classes, region_lengths(prepared.graph)[seeded.regions]))
-        classes, lengths = (np.concatenate([np.zeros(0), *part]) for part in zip(*found, strict=True))
-        return usual_lengths(classes, lengths, len(self.source.classes))
-
-    @cached_property
-    def examples(self) -> RegionExamples | None:
-        """Labelled regions of all scenes, for ``strategy.region_prior``."""
-        return collect_examples(self._labelled_regions(scene) for scene in self.index_of)
-
-    def _labelled_regions(self, scene_id: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Looks, class (-1: none, several, or too long for it) and points of the regions of a scene."""
-        scene = self.prepared(scene_id)
-        seeded = seeded_regions(scene.regions.labels, self.weak(scene_id).semantic)
-        classes = np.full(len(scene.regions), UNLABELLED, dtype=np.int64)
-        once = np.bincount(seeded.regions, minlength=len(classes))[seeded.regions] == 1
-        if self.strategy.spread_extent is not None:
-            limit = self.class_lengths[seeded.classes] * self.strategy.spread_extent
-            once &= ~(region_lengths(scene.graph)[seeded.regions] > limit)
-        classes[seeded.regions[once]] = seeded.classes[once]
-        return region_looks(scene.cloud, scene.regions, scene.graph), classes, scene.graph.sizes
+    def survey(self) -> RegionSurvey:
+        """What the labelled regions of all scenes have in common."""
+        scenes = ((self.prepared(scene), self.weak(scene).semantic) for scene in self.index_of)
+        return survey_regions(scenes, len(self.source.classes), self.strategy.spread_extent, self.strategy.region_prior)
 
     def _prior(self, scene: PreparedScene, weak: WeakLabels) -> Float[np.ndarray, 'regions classes'] | None:
         """What the regions of a scene may be, where the strategy asks for it."""
         if not self.strategy.region_prior:
             return None
-        return region_prior(scene, weak.semantic, self.class_lengths, self.examples, self.strategy)
+        return region_prior(scene, weak.semantic, self.survey.lengths, self.survey.examples, self.strategy)
 
     def inform(self, model: Any) -> None:
         """Tell the model how often each class is revealed, where it asks for it."""
@@ -165,7 +137,7 @@ class PointLabeler(BaseLabeler):
             number,
             self.class_counts,
             tuple(self.source.thing_classes),
-            None if self.strategy.spread_extent is None else self.class_lengths,
+            None if self.strategy.spread_extent is None else self.survey.lengths,
             self._prior(scene, weak),
         )
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())

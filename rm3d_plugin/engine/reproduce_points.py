@@ -26,8 +26,8 @@ SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
 CONFIGS = Path(__file__).resolve().parents[2] / 'configs'
 OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
 SETTINGS = """
-    rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline point_columns
-    voxel_size widths blocks class_power gamma strategy oversegmenter batch_size votes region_share
+    rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline crop_points
+    point_columns voxel_size widths blocks class_power gamma strategy oversegmenter batch_size votes region_share
     prior_power
 """.split()  # of those that are about scans with few labels, not about a data set
 METHODS: dict[str, dict[str, Any]] = {'weak': {'spread': False, 'label_rounds': 1}, 'rm3d': {}}

@@ -93,6 +93,7 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
     kinds = ['SemSegMetric', *([INSTANCE_METRIC[data_set]] if instances else [])]
     assert [type(METRICS.build(metric)).__name__ for metric in config.val_evaluator] == kinds
     assert config.test_evaluator == config.val_evaluator
+    assert [step.max_points for step in config.train_pipeline if 'Crop' in step.type] == [config.crop_points]
     assert config.budget == ({'clicks': 'clicks.csv'} if budget == 'clicks' else budget)
     assert build_labeler(config).spread == path.stem.startswith('rm3d')
     periods = config.param_scheduler[0].get('periods')

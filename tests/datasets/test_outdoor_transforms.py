@@ -106,6 +106,7 @@ def test_a_crop_is_an_upright_column_around_a_rare_class():
     assert np.linalg.norm(made['points'][:, :2] - 4.0, axis=1).max() < 6.5
     whole = item(xyz[:100], semantic=semantic[:100])
     assert ClassCrop(100)(whole) is whole
+    assert len(ClassCrop(50)(item(xyz[:100]))['points']) == 50  # a scan without labels is cropped anywhere
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Scenes that segmentation must bear: a class missing, no colour, one region, one point, far coordinates."""
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,12 +12,15 @@ from reference.toy_scenes import CLASSES, make_scene
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, make_cloud
 from rm3d_plugin.datasets.transforms import pack_scene
 from rm3d_plugin.engine import PointBudgetSource, PointLabeler, PointPrediction
+from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.engine.sources import LabelSource
 from rm3d_plugin.models.segmentors import RM3DSegmentor
 from rm3d_plugin.pseudo_labels import WeakLabels
 from rm3d_plugin.registry import SCOPE, TRANSFORMS
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
 
+CONFIGS = Path(__file__).resolve().parents[2] / 'configs'
+GROWING = {'type': 'RegionGrowing', 'threshold': 0.9, 'max_edge': 0.25, 'min_region': 10}
 UTM = np.array([448_263.4, 5_411_932.7, 312.9])  # m
 
 
@@ -40,13 +44,13 @@ def keep(scene: RawScene, mask) -> RawScene:
     return RawScene(scene.cloud.select(mask), scene.semantic[mask], scene.instance[mask])
 
 
-def labeler(folder, source, **settings) -> PointLabeler:
+def labeler(folder, source, oversegmenter=GROWING, **settings) -> PointLabeler:
     made = PointLabeler(
         store=folder / 'labels',
         cache=folder / 'geometry',
         source=source,
         descriptor={'type': 'AdaptedPFH', 'radius': 0.15, 'max_neighbors': 16},
-        oversegmenter={'type': 'RegionGrowing', 'threshold': 0.9, 'max_edge': 0.25, 'min_region': 10},
+        oversegmenter=oversegmenter,
         **settings,
     )
     made.start(keep=False, log=lambda text: None)
@@ -223,3 +227,66 @@ def test_a_scene_in_utm_coordinates_gets_the_labels_of_the_same_scene_at_the_ori
             there.store.summary(number)['precision'], abs=0.02
         )
     learn_and_predict(model(), there, partial(Scenes, far))
+
+
+def colourless(scene: RawScene) -> RawScene:
+    return scene._replace(cloud=PointCloud(scene.cloud.xyz))
+
+
+def unlabelled(scene: RawScene) -> RawScene:
+    nothing = np.full(len(scene.semantic), -1)
+    return RawScene(scene.cloud, nothing, nothing)
+
+
+def one_point(scene: RawScene) -> RawScene:
+    return keep(scene, np.flatnonzero(scene.semantic == 1)[:1])
+
+
+ROOM = make_scene(0)
+EDGES = {
+    'no colour': [colourless(ROOM)],
+    'colour in one scene': [ROOM, colourless(make_scene(1))],
+    'one point': [one_point(ROOM), ROOM],
+    'one point without colour': [colourless(one_point(ROOM)), ROOM],
+    'one class': [keep(ROOM, ROOM.semantic == 0)],
+    'a scene without labels': [unlabelled(ROOM), make_scene(1)],
+}
+LEAVES = ['rm3d_sem_scannet_onept', 'rm3d_sem_semantickitti_onept', 'rm3d_sem_files_clicks']
+
+
+def config_of(leaf, folder):
+    settings = {'cache_dir': str(folder / 'cache'), 'rounds': 2}
+    return load_config(CONFIGS / f'{leaf}.py', folder / 'run', options=settings)
+
+
+@pytest.mark.filterwarnings('ignore:.*cannot be described:UserWarning')
+@pytest.mark.parametrize('leaf', LEAVES)
+@pytest.mark.parametrize('edge', EDGES)
+def test_the_rules_of_the_configs_bear_every_edge(tmp_path, edge, leaf):
+    config = config_of(leaf, tmp_path)
+    growing = dict(GROWING)
+    if 'max_color_step' in config.oversegmenter:
+        growing['max_color_step'] = config.oversegmenter.max_color_step
+    if config.oversegmenter.type == 'GroundPatches':
+        growing = {'type': 'GroundPatches', 'cell': config.oversegmenter.cell, 'rest': growing}
+    source = PointBudgetSource(Scenes(*EDGES[edge]), 'onept')
+    made = two_rounds(tmp_path, source, strategy=config.strategy.to_dict(), oversegmenter=growing)
+    summary = made.store.summary(1)
+    assert summary['coverage'] > 0.6 and summary['precision'] > 0.8
+
+
+@pytest.mark.parametrize('leaf', LEAVES)
+@pytest.mark.parametrize('edge', EDGES)
+def test_the_training_transforms_of_the_configs_bear_every_edge(tmp_path, edge, leaf):
+    steps = config_of(leaf, tmp_path).train_pipeline
+    assert steps[-1].type == 'PackScene'
+    for step in steps:
+        step.update({name: value for name, value in (('max_points', 500), ('prob', 1.0)) if name in step})
+    with DefaultScope.overwrite_default_scope(SCOPE):
+        scenes = Scenes(*EDGES[edge], pipeline=steps[:-1])
+    for index, scene in enumerate(EDGES[edge]):
+        item = scenes[index]
+        points = item['points']
+        assert np.isfinite(points).all() and 1 <= len(points) <= 500
+        assert len(item['point_index']) == len(points) and (item['point_index'] < len(scene.cloud)).all()
+        assert np.isfinite(item.get('aug_points', points)).all()

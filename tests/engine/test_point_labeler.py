@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from reference.toy_scenes import ToyRooms, make_scene
+from rm3d_plugin.pseudo_labels.prior import region_looks
 
 from rm3d_plugin.engine import PointBudgetSource, PointLabeler, PointPrediction
 from rm3d_plugin.engine.label_report import PointTruth, describe_round, offset_errors, summarise_points
@@ -117,7 +118,7 @@ def test_points_do_not_name_regions_far_longer_than_their_class_has_elsewhere(tm
             for c in np.unique(semantic[members & (semantic >= 0)]):
                 lengths[c].append(np.sqrt(np.square(prepared.graph.extents[region]).sum()))
     usual = [np.median(own) if len(own) >= 3 else np.nan for own in lengths]
-    np.testing.assert_allclose(limited.class_lengths, usual)
+    np.testing.assert_allclose(limited.survey.lengths, usual)
     limited.start(keep=False, log=lambda text: None)
     free = labeler(tmp_path / 'free')
     free.start(keep=False, log=lambda text: None)
@@ -135,7 +136,7 @@ def test_labels_spread_by_what_regions_may_be(tmp_path):
         for region in np.flatnonzero(np.bincount(regions[regions >= 0]) >= 30):
             classes = np.unique(semantic[(regions == region) & (semantic >= 0)])
             labelled += len(classes) == 1
-    assert labelled and len(made.examples.classes) == labelled
+    assert labelled and len(made.survey.examples.classes) == labelled
     for scene in made.index_of:
         before, after = plain.store.read(scene, 0), made.store.read(scene, 0)
         known = before.semantic >= 0
@@ -144,6 +145,32 @@ def test_labels_spread_by_what_regions_may_be(tmp_path):
         assert not after.point_is_true[gained].any() and (after.confidence[gained] >= made.strategy.gamma).all()
         assert np.isin(after.semantic[gained], made.weak(scene).semantic).all()  # no class that nobody revealed here
     assert made.store.summary(0)['coverage'] > plain.store.summary(0)['coverage']
+
+
+@pytest.mark.parametrize('extent', [None, 0.9])
+def test_examples_are_regions_that_are_not_too_long_and_every_scene_is_read_once(tmp_path, monkeypatch, extent):
+    made = labeler(tmp_path, strategy={'region_prior': True, 'spread_extent': extent})
+    read, prepared = [], made.prepared
+    monkeypatch.setattr(made, 'prepared', lambda scene: read.append(scene) or prepared(scene))
+    found = made.survey
+    assert read == list(made.index_of)
+    looks, classes = [], []
+    for scene in read:
+        geometry, semantic = prepared(scene), made.weak(scene).semantic
+        every = region_looks(geometry.cloud, geometry.regions, geometry.graph)
+        for region, length in enumerate(np.linalg.norm(geometry.graph.extents, axis=1)):
+            members = geometry.regions.labels == region
+            own = np.unique(semantic[members & (semantic >= 0)])
+            if len(own) == 1 and members.sum() >= 30 and not (extent and length > extent * found.lengths[own[0]]):
+                looks.append(every[region])
+                classes.append(own[0])
+    assert found.examples.classes.tolist() == classes
+    expected = (np.array(looks) - found.examples.middle) * found.examples.scale
+    np.testing.assert_array_equal(found.examples.looks, expected)
+    if extent:
+        free = labeler(tmp_path, strategy={'region_prior': True}).survey
+        np.testing.assert_array_equal(free.lengths, found.lengths)
+        assert 0 < len(classes) < len(free.examples.classes)
 
 
 # ---------------------------------------------------------------------- points kept aside

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -57,3 +59,13 @@ def test_prepare_measures_each_size_in_its_own_process(tmp_path):
     assert [scene['points'] for scene in result['scenes']] == [1500, 3000]
     assert all(scene['peak_rss_gib'] > 0.1 and scene['regions'] > 1 for scene in result['scenes'])
     assert isinstance(result['exponent'], float)
+
+
+@pytest.mark.slow
+def test_a_large_scene_is_learnt_in_crops(tmp_path):
+    result = bench(tmp_path, 'large-scene', '--points', '20000', '--crop', '6000', '--steps', '1')
+    phases = ['labels, round 0', 'step 1', 'labels, round 1', 'step 2', 'prediction']
+    assert list(result['phases']) == phases and all(phase['peak_mb'] > 100 for phase in result['phases'].values())
+    first, second = result['labels']
+    assert 0.3 < first['coverage'] <= second['coverage'] and second['precision'] > 0.9
+    assert set(result['scores']) >= {'mIoU', 'IoU_ground', 'IoU_wall', 'IoU_roof'}

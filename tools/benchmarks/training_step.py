@@ -1,12 +1,11 @@
 """A training step of the sparse U-Net with Adam, on one synthetic room at several sizes."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import torch
 
-from benchmarks.measure import interleaved_medians, machine
+from benchmarks.measure import forget_peak, interleaved_medians, machine, memory_mb
 from benchmarks.sparse_unet import all_maps, room_voxels
 from rm3d_plugin.datasets.synthetic.rooms import make_room
 from rm3d_plugin.models.backbones.sparse_unet import PRESETS, SparseUNet
@@ -50,12 +49,12 @@ def _measure(xyz: torch.Tensor, voxel_size: float, args: argparse.Namespace) -> 
         optimizer.step()
 
     step()  # compiles
-    _forget_peak()
-    before = _memory('VmRSS')
+    forget_peak()
+    before = memory_mb('VmRSS')
     seconds = interleaved_medians(
         {'step': step, 'maps': lambda: all_maps(coords, len(PRESETS[args.preset]))}, args.repeats
     )
-    peak = _memory('VmHWM')
+    peak = memory_mb('VmHWM')
     return {
         'points': len(xyz),
         'voxels': len(coords),
@@ -63,20 +62,6 @@ def _measure(xyz: torch.Tensor, voxel_size: float, args: argparse.Namespace) -> 
         'step_cpu_s': seconds['step'].cpu,
         'voxels_per_cpu_s': round(len(coords) / seconds['step'].cpu),
         'kernel_maps_share': seconds['maps'].cpu / seconds['step'].cpu,
-        'peak_mb': None if peak is None else round(peak / 1024),
-        'before_mb': None if before is None else round(before / 1024),
+        'peak_mb': peak,
+        'before_mb': before,
     }
-
-
-def _forget_peak() -> None:
-    """Start the peak of this process's memory anew, where the system can (Linux)."""
-    place = Path('/proc/self/clear_refs')
-    if place.exists():
-        place.write_text('5')
-
-
-def _memory(name: str) -> int | None:
-    """A figure of this process's memory in kB, or None where the system does not tell."""
-    status = Path('/proc/self/status')
-    lines = status.read_text().splitlines() if status.exists() else []
-    return next((int(line.split()[1]) for line in lines if line.startswith(f'{name}:')), None)

@@ -26,7 +26,7 @@ one_cycle = [
     dict(
         type='OneCycleLR',
         eta_max='${learning_rate}',
-        total_steps=36,  # epochs
+        total_steps='${epochs}',
         pct_start=0.1,
         by_epoch=True,
         convert_to_iter_based=True,

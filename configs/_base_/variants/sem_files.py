@@ -14,6 +14,8 @@ learning_rate = 1e-2
 class_power = 0.5
 gamma = 0.75
 voxel_size = 0.4  # m
+crop_points = 1000000  # larger scans are learnt and predicted in parts
+model = dict(inference=dict(max_points='${crop_points}'))
 point_columns = [
     'shape',
     'place',
@@ -23,6 +25,7 @@ train_pipeline = [
     dict(type='ShapeFeatures', cache='${cache_dir}'),
     dict(type='ScenePlace'),
     dict(type='LevelGround'),
+    dict(type='ClassCrop', max_points='${crop_points}'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='PackScene'),

@@ -14,8 +14,6 @@ from numba import njit
 
 from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin
 
-NO_HIT = -1
-
 
 @dataclass(frozen=True)
 class SpinningLidar:

@@ -127,7 +127,7 @@ def scan_room(
     faces = mesh_faces(fused, shots, 2.5 * spacing + 4 * camera.pitch)
     segment = mesh_segments(faces, fused.normals, fused.colors, fused.thing)
     seen, instance = np.unique(fused.thing, return_inverse=True)
-    alignment = _random_alignment(layout, rng)
+    alignment = _random_alignment(rng)
     back = _inverse(alignment)
     xyz = _apply(back, fused.xyz).astype(np.float32)
     back[:3, 3] = 0
@@ -148,7 +148,7 @@ def _generator(seed: int, index: int, purpose: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, index, purpose])))
 
 
-def _random_alignment(layout: Layout, rng: np.random.Generator) -> Float[np.ndarray, '4 4']:
+def _random_alignment(rng: np.random.Generator) -> Float[np.ndarray, '4 4']:
     """Six decimals, as the files hold it."""
     c, s = (float(v) for v in cos_sin(2 * np.pi * rng.random()))
     shift = np.array([*(6 * rng.random(2) - 3), -0.1 * rng.random()])

@@ -10,6 +10,7 @@ from rm3d_plugin.datasets.transforms.points import select_points
 from rm3d_plugin.datasets.transforms.recent import RecentArrays
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS
+from rm3d_plugin.structures import UNLABELLED
 
 
 def with_heights(
@@ -93,6 +94,7 @@ class ClassCrop:
         points = results['points']
         if len(points) <= self.max_points:
             return results
-        row = class_center(results['semantic'], results['rng'], self.classes)
+        semantic = results['semantic'] if 'semantic' in results else np.full(len(points), UNLABELLED)
+        row = class_center(semantic, results['rng'], self.classes)
         rows = crop_rows(points[:, :3], points[row, :3].astype(np.float64), self.max_points, self.shape)
         return select_points(results, rows)

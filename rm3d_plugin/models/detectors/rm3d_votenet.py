@@ -8,7 +8,7 @@ from jaxtyping import Float
 from mmengine.model import BaseModel
 from torch import Tensor, nn
 
-from rm3d_plugin.models.detectors.common_points import common_rows
+from rm3d_plugin.models.common_points import common_rows
 from rm3d_plugin.models.detectors.point_features import point_features
 from rm3d_plugin.models.heads.batch_labels import BatchLabels, join_labels
 from rm3d_plugin.models.heads.decode import decode_scene

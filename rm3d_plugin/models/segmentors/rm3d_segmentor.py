@@ -8,7 +8,7 @@ from jaxtyping import Float, Num
 from mmengine.model import BaseModel
 from torch import Tensor
 
-from rm3d_plugin.models.detectors.common_points import common_rows
+from rm3d_plugin.models.common_points import common_rows
 from rm3d_plugin.models.heads.point_labels import PointLabels, join_point_labels
 from rm3d_plugin.models.segmentors.chunks import Chunk, Progress
 from rm3d_plugin.models.segmentors.instance_dice import soft_instance_masks

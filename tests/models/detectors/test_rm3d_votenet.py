@@ -4,7 +4,7 @@ import pytest
 import torch
 from mmengine.dataset import pseudo_collate
 
-from rm3d_plugin.models.detectors.common_points import common_rows
+from rm3d_plugin.models.common_points import common_rows
 from rm3d_plugin.models.detectors.point_features import point_features
 from rm3d_plugin.ops.boxes import rotated_iou_bev
 from rm3d_plugin.registry import MODELS
