@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.alike import RegionGuess
+from rm3d_plugin.pseudo_labels.level import level_regions
 from rm3d_plugin.pseudo_labels.propagate import GroupLabels, count_votes, point_values, pool_rows, seen_rows
 from rm3d_plugin.pseudo_labels.quota import within_quota
 from rm3d_plugin.pseudo_labels.record import RefreshRecord
@@ -98,6 +99,7 @@ def group_regions(
         class_gamma=class_gamma,
         guess=None if guess is None else np.where(votes.any(axis=1), UNLABELLED, guess.classes),
         guess_confidence=None if guess is None else guess.confidence,
+        level=level_regions(graph, strategy.level_regions),
         point_region=regions.labels.astype(np.int32),
         strategy=strategy,
         round=round,

@@ -16,7 +16,8 @@ from rm3d_plugin.pseudo_labels.draft import (
     overlay,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances, of_present_classes
+from rm3d_plugin.pseudo_labels.level import level_regions, nearest_level_classes
+from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances, of_present_classes, point_values
 from rm3d_plugin.pseudo_labels.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.spread import (
     mixed_regions,
@@ -52,6 +53,7 @@ def refresh_points(
     that of a near one, see ``strategy.mixed_regions``; points of quite another colour may be left out, see
     ``strategy.spread_color``, and what is said of a region too long for its class, see
     ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
+    On level regions the nearest revealed points name each point, and not the region (``strategy.level_regions``).
     Other groups take the class that the network gives them with confidence, else their regions that of the labelled
     regions that look alike (``guess``), and are one instance each, or none (``strategy.new_instances``).
 
@@ -82,6 +84,8 @@ def refresh_points(
         check_rows(len(xyz), probabilities=probabilities)
         probabilities = of_present_classes(probabilities, truth.semantic)
     spread = _that_spread(truth, regions, graph, class_lengths, strategy)
+    level = point_values(level_regions(graph, strategy.level_regions), regions.labels, False)
+    spread = _silent(spread, level)
     grouped = group_regions(
         prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts, None, guess
     )
@@ -89,6 +93,8 @@ def refresh_points(
     draft = draft_of(grouped)
     draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, previous, strategy)
     draft = fill_by_looks(draft, grouped.record)
+    near = nearest_level_classes(xyz, level, truth.semantic, strategy.level_reach)
+    draft = overlay(draft, near >= 0, near, 1.0)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes, strategy.new_instances)
@@ -116,8 +122,13 @@ def _that_spread(
         return truth
     lengths = region_lengths(graph)
     quiet = quiet_seeds(regions.labels, truth.semantic, lengths, class_lengths, strategy.spread_extent)
-    semantic = np.where(quiet, UNLABELLED, truth.semantic)
-    return truth._replace(semantic=semantic, instance=np.where(quiet, -1, truth.instance), seeds=semantic)
+    return _silent(truth, quiet)
+
+
+def _silent(truth: Truth, points: Bool[np.ndarray, ' points']) -> Truth:
+    """The truth without these points."""
+    semantic = np.where(points, UNLABELLED, truth.semantic)
+    return truth._replace(semantic=semantic, instance=np.where(points, -1, truth.instance), seeds=semantic)
 
 
 def _near_and_alike(
