@@ -2,3 +2,4 @@
 # Run: python tools/train.py configs/rm3d_sem_semantickitti_onept.py [--demo]
 # Score on SemanticKITTI: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_semantickitti.py', './_base_/budgets/points_onept.py']
+level_reach = 3.0  # m; of use with --demo

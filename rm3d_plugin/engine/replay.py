@@ -44,6 +44,8 @@ FIXED = (
     'spread_extent',
     'region_prior',
     'new_instances',
+    'level_regions',
+    'level_reach',
     'hold_in',
     'hold_in_margin',
 )
@@ -158,19 +160,21 @@ def decide_again(
     grouped = Grouped(result, groups, points, ranges, record)
     grouped = apply_quota(grouped, strategy, record.round)
     draft = draft_of(grouped)
-    draft = overlay(draft, _told_by_point(record, stored), stored.semantic, draft.confidence)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
+    draft = overlay(draft, _told_by_point(record), stored.semantic, draft.confidence)
     draft = overlay(draft, stored.point_is_true, stored.semantic, 1.0)
     return Decided(result, draft.semantic)
 
 
-def _told_by_point(record: RefreshRecord, stored: PseudoLabels) -> Bool[np.ndarray, ' points']:
+def _told_by_point(record: RefreshRecord) -> Bool[np.ndarray, ' points']:
     """Points whose revealed neighbours decided one by one, so that no threshold of merging has a say in them."""
     classes = (record.votes > 0).sum(axis=1)
     if record.strategy.spread_color is not None:
         told = classes > 0
     else:
         told = (classes > 1) & (record.strategy.mixed_regions == 'nearest')
+    if record.level is not None:
+        told = told | record.level
     return np.asarray(point_values(told, record.point_region, False))
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.pseudo_labels.level import level_regions
 from rm3d_plugin.pseudo_labels.prior import with_prior
 from rm3d_plugin.pseudo_labels.propagate import GroupLabels, count_votes, point_values, pool_rows, seen_rows
 from rm3d_plugin.pseudo_labels.quota import within_quota
@@ -98,6 +99,7 @@ def group_regions(
         votes=votes,
         class_counts=class_counts,
         class_gamma=class_gamma,
+        level=level_regions(graph, strategy.level_regions),
         point_region=regions.labels.astype(np.int32),
         strategy=strategy,
         round=round,

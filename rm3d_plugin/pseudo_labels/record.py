@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.propagate import GroupLabels, Pooled, label_groups_by_votes
 from rm3d_plugin.regions import MergeStrategy
@@ -27,6 +27,7 @@ class RefreshRecord:
         votes: (R, C) true labels that spread, by class.
         class_counts: (C,) revealed labels of each class; breaks ties.
         class_gamma: (C,) confidence that each class asks for beside gamma, or None.
+        level: (R,) bool, regions whose points the nearest revealed ones named one by one; None: none.
         point_region: (N,) int32 region of each point, -1 = none.
         strategy: Fields of the strategy.
         round: The round.
@@ -43,6 +44,7 @@ class RefreshRecord:
     votes: Int[np.ndarray, 'regions classes']
     class_counts: Int[np.ndarray, ' classes']
     class_gamma: Float[np.ndarray, ' classes'] | None
+    level: Bool[np.ndarray, ' regions'] | None
     point_region: Int[np.ndarray, ' points']
     strategy: MergeStrategy
     round: int
@@ -65,7 +67,7 @@ class RefreshRecord:
         Raises:
             ValueError: An array is missing.
         """
-        optional = ('centers', 'outside', 'class_gamma')
+        optional = ('centers', 'outside', 'class_gamma', 'level')
         names = [item.name for item in fields(cls)]
         if missing := [name for name in names if name not in arrays and name not in optional]:
             raise ValueError(f'RefreshRecord: {missing} are missing; the ledger was written without a record to replay')

@@ -14,7 +14,8 @@ from rm3d_plugin.pseudo_labels.draft import (
     overlay,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances
+from rm3d_plugin.pseudo_labels.level import level_regions, nearest_level_classes
+from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances, point_values
 from rm3d_plugin.pseudo_labels.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.spread import (
     mixed_regions,
@@ -50,6 +51,7 @@ def refresh_points(
     that of a near one, see ``strategy.mixed_regions``; points of quite another colour may be left out, see
     ``strategy.spread_color``, and what is said of a region too long for its class, see
     ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
+    On level regions the nearest revealed points name each point, and not the region (``strategy.level_regions``).
     Other groups take the class that the network (and the ``prior``) gives them with confidence, and are one instance
     each, or none (``strategy.new_instances``).
 
@@ -78,12 +80,16 @@ def refresh_points(
     truth = known_points(weak)
     counts = np.asarray(class_counts)
     spread = _that_spread(truth, regions, graph, class_lengths, strategy)
+    level = point_values(level_regions(graph, strategy.level_regions), regions.labels, False)
+    near = nearest_level_classes(xyz, level, spread.semantic, strategy.level_reach)
+    spread = _silent(spread, level)
     grouped = group_regions(
         prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts, None, prior
     )
     grouped = apply_quota(grouped, strategy, round)
     draft = draft_of(grouped)
     draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, previous, strategy)
+    draft = overlay(draft, near >= 0, near, 1.0)
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes, strategy.new_instances)
@@ -111,8 +117,13 @@ def _that_spread(
         return truth
     lengths = region_lengths(graph)
     quiet = quiet_seeds(regions.labels, truth.semantic, lengths, class_lengths, strategy.spread_extent)
-    semantic = np.where(quiet, UNLABELLED, truth.semantic)
-    return truth._replace(semantic=semantic, instance=np.where(quiet, -1, truth.instance), seeds=semantic)
+    return _silent(truth, quiet)
+
+
+def _silent(truth: Truth, points: Bool[np.ndarray, ' points']) -> Truth:
+    """The truth without these points."""
+    semantic = np.where(points, UNLABELLED, truth.semantic)
+    return truth._replace(semantic=semantic, instance=np.where(points, -1, truth.instance), seeds=semantic)
 
 
 def _near_and_alike(

@@ -76,6 +76,12 @@ class MergeStrategy:
         new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: its
             points are of no known instance, so that pieces of an object do not teach offsets to their own middles.
             Segmentation only.
+        level_regions: Regions whose mean normal is this upright (its z in [0, 1]) are not bounded by what they hold:
+            road and pavement lie in one plane. So revealed points on them do not speak for their region; each point on
+            them takes the class of the nearest revealed one, with differences of height, as of a kerb, counted manifold
+            (see :mod:`rm3d_plugin.pseudo_labels.level`). Smaller: slopes too. None: no region is so. Segmentation only.
+        level_reach: Metres up to which those speak; what lies farther off asks the network. Larger: more and less pure
+            labels. None: no limit.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
             neither trained on nor used for merging; 0: no check. Segmentation only.
         hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
@@ -116,6 +122,8 @@ class MergeStrategy:
     spread_extent: float | None = None
     region_prior: bool = False
     new_instances: bool = True
+    level_regions: float | None = None
+    level_reach: float | None = None
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
 
@@ -132,9 +140,11 @@ class MergeStrategy:
         self._check('mixed_regions', self.mixed_regions in get_args(MixedRegions), f'one of {get_args(MixedRegions)}')
         for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
-        for name in ('spread_color', 'spread_extent'):
+        for name in ('spread_color', 'spread_extent', 'level_reach'):
             limit = getattr(self, name)
             self._check(name, limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
+        level = self.level_regions
+        self._check('level_regions', level is None or 0 <= level <= 1, 'in [0, 1], or None')
         self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
         self._check('quota', self.quota is None or 0 < self.quota <= 1, 'a share in (0, 1], or None')

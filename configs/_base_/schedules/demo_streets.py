@@ -1,9 +1,11 @@
 # What --demo changes for streets: embedded synthetic data, a smaller network without augmented views, few small steps. The
 # scenes are so few that all stay in memory. Patches of ground are wide, as points far from the sensor lie metres apart, and
-# revealed labels keep half of the loss, as those that spread are mostly of wide flat things.
+# revealed labels keep half of the loss, as those that spread are mostly of wide flat things. On level ground the nearest
+# revealed point names each point, however far off where many are revealed.
 demo = dict(
     data_root='data/${demo_data.scenes}',
     crop_points=24000,
+    recent_scenes=64,
     rounds=3,
     sigma=12,
     batch_size=1,
@@ -20,8 +22,9 @@ demo = dict(
     true_share=0.5,
     oversegmenter=dict(rest=dict(zeta=0.05)),
     gamma=0.6,
-    strategy=dict(mixed_regions='nearest', spread_extent=3.0),
+    strategy=dict(mixed_regions='nearest', spread_extent=3.0, level_regions=0.95, level_reach='${level_reach}'),
 )
+level_reach = None  # m; of budgets of a few points a scene, which say nothing of what lies far off
 one_cycle = [
     dict(
         type='OneCycleLR',

@@ -7,4 +7,7 @@ _base_ = [
     '../schedules/segmentation.py',
     '../schedules/demo_streets.py',
 ]
-demo = dict(demo_data=dict(scenes='semantickitti_streets', num_train=16, num_val=14, seed=0))
+demo = dict(
+    demo_data=dict(scenes='semantickitti_streets', num_train=64, num_val=14, seed=0),
+    sigma=6,
+)

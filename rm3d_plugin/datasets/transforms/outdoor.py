@@ -37,12 +37,13 @@ class LevelGround:
     (``pred_point_centers``) are then told in the levelled scene.
 
     Args:
+        recent: Scenes whose heights stay in memory. Larger: more memory; data sets of as many scenes are levelled once.
         options: Of :func:`~rm3d_plugin.ops.ground.segment_ground`.
     """
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, recent: int = 16, **options: Any) -> None:
         self.options = options
-        self._recent = RecentArrays()
+        self._recent = RecentArrays(recent)
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
         """Find the ground, then level it.

@@ -41,14 +41,15 @@ class ShapeFeatures:
     Args:
         neighbors: Two numbers of nearest points.
         cache: Folder where the values of a scene are kept, by the content of its points; None: nowhere.
+        recent: Scenes whose values stay in memory. Larger: more memory; data sets of as many scenes are read once.
     """
 
-    def __init__(self, neighbors: Sequence[int] = NEIGHBORS, cache: str | Path | None = None) -> None:
+    def __init__(self, neighbors: Sequence[int] = NEIGHBORS, cache: str | Path | None = None, recent: int = 16) -> None:
         if len(neighbors) != 2 or min(neighbors) < 3:
             raise ValueError(f'ShapeFeatures.neighbors: expected two numbers from 3, got {list(neighbors)}')
         self.neighbors = tuple(int(k) for k in neighbors)
         self.cache = None if cache is None else SceneCache(cache)
-        self._recent = RecentArrays()
+        self._recent = RecentArrays(recent)
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
         """Compute or read, then append.
