@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from mmengine.config import Config
+from mmengine.optim import OneCycleLR
 
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
@@ -123,6 +124,29 @@ def test_a_checkpoint_loads_without_running_code_and_brings_its_config(tmp_path)
     loaded = read_checkpoint(tmp_path / 'epoch_3.pth')
     assert json.loads(loaded['meta']['config_json']) == {'widths': [8, 16], 'nested': {'key': [1, 2]}, 'none': None}
     assert loaded['message_hub'] == {'log_scalars': {}, 'runtime_info': {}, 'resumed_keys': {}}
+
+
+@pytest.mark.parametrize('several', [False, True], ids=['one optimizer', 'several'])
+def test_a_schedule_that_keeps_a_function_is_saved_and_goes_on(tmp_path, several):
+    def schedule():
+        optimizer = torch.optim.SGD([torch.nn.Parameter(torch.ones(1))], lr=0.1)
+        return optimizer, OneCycleLR(optimizer, eta_max=0.1, total_steps=9)
+
+    (optimizer, unbroken), (other, resumed) = schedule(), schedule()
+    for _ in range(4):
+        optimizer.step()
+        unbroken.step()
+    states = [unbroken.state_dict()]
+    state = {'meta': {}, 'state_dict': {}, 'param_schedulers': {'a': states} if several else states}
+    SafeCheckpointHook().before_save_checkpoint(SimpleNamespace(cfg=Config({})), state)
+    torch.save(state, tmp_path / 'epoch_1.pth')
+    loaded = read_checkpoint(tmp_path / 'epoch_1.pth')['param_schedulers']
+    resumed.load_state_dict(loaded['a'][0] if several else loaded[0])
+    other.load_state_dict(optimizer.state_dict())
+    for _ in range(4):
+        for part in (optimizer, unbroken, other, resumed):
+            part.step()
+        assert other.param_groups[0]['lr'] == optimizer.param_groups[0]['lr']
 
 
 def test_a_new_run_sweeps_up_parts_of_checkpoints(tmp_path):

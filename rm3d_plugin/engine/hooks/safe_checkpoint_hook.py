@@ -3,6 +3,7 @@
 import json
 import os
 import tempfile
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +51,20 @@ def latest_checkpoint(work_dir: str | Path) -> Path | None:
 
 @HOOKS.register_module()
 class SafeCheckpointHook(Hook):
-    """Drop what torch refuses to load safely: the message hub's buffers, which only steady the console log."""
+    """Drop what torch refuses to load safely.
+
+    That is the message hub's buffers, which only steady the console log, and functions in the state of schedulers
+    (``OneCycleLR`` keeps one), which a resumed run has of its own.
+    """
 
     def before_save_checkpoint(self, runner: Runner, checkpoint: dict[str, Any]) -> None:
-        """Empty the message hub's part; add the config as plain data, so that loading runs no code."""
+        """Leave plain data alone; add the config, so that loading runs no code."""
         checkpoint['meta']['config_json'] = json.dumps(runner.cfg.to_dict())
         checkpoint['message_hub'] = {'log_scalars': {}, 'runtime_info': {}, 'resumed_keys': {}}
+        schedulers = checkpoint.get('param_schedulers', [])
+        for state in schedulers if isinstance(schedulers, list) else chain.from_iterable(schedulers.values()):
+            for name in [name for name, value in state.items() if callable(value)]:
+                del state[name]
 
     def before_run(self, runner: Runner) -> None:
         """Remove parts of checkpoints that a killed run left."""
