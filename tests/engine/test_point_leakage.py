@@ -73,6 +73,17 @@ def test_noise_in_hidden_labels_changes_nothing(drawn, tmp_path, budget):
     assert losses[0] == losses[1] and np.isfinite([v for row in losses[0].values() for v in row.values()]).all()
 
 
+def test_noise_in_hidden_labels_does_not_reach_the_prior_of_regions(tmp_path):
+    clean, noisy = tmp_path / 'clean', tmp_path / 'noisy'
+    code, log = run(clean, region_prior=True)
+    assert code == 0, log
+    change = partial(toy_runs.with_noise, clean / 'labels' / 'budget.json')
+    code, log = run(noisy, region_prior=True, change=change)
+    assert code == 0, log
+    assert_same_learning(noisy, clean)
+    assert LabelStore(clean / 'labels').summary(1) != LabelStore(noisy / 'labels').summary(1)
+
+
 def test_other_revealed_points_change_the_run(drawn, tmp_path):
     """The other way round: what is revealed does reach training."""
     code, log = run(tmp_path / 'run', budget='20pts')

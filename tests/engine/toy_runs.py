@@ -10,7 +10,7 @@ from engine import tiny_runs
 BUDGET = 'onept_instance'
 
 
-def config_of(work_dir: Path, budget: Any, dataset: str = 'ToyRooms') -> Any:
+def config_of(work_dir: Path, budget: Any, dataset: str = 'ToyRooms', region_prior: bool = False) -> Any:
     """Two rounds of two epochs on three rooms."""
     from mmengine.config import Config
 
@@ -62,7 +62,7 @@ def config_of(work_dir: Path, budget: Any, dataset: str = 'ToyRooms') -> Any:
                         source=dict(type='PointBudgetSource', dataset=asking['dataset'], budget=budget),
                         descriptor=dict(type='AdaptedPFH', radius=0.15, max_neighbors=16),
                         oversegmenter=dict(type='RegionGrowing', threshold=0.9, max_edge=0.25, min_region=10),
-                        strategy=dict(rounds=2, gamma=0.4),
+                        strategy=dict(rounds=2, gamma=0.4, region_prior=region_prior),
                     ),
                 ),
                 dict(type='SafeCheckpointHook'),
@@ -79,6 +79,7 @@ def train(
     kill_at_refresh: int | None = None,
     kill_at_iteration: int | None = None,
     change: Callable[[], str] | None = None,
+    region_prior: bool = False,
 ) -> None:
     """Train, three iterations an epoch; ``change`` may register another data set and give its name."""
     import torch
@@ -100,7 +101,7 @@ def train(
     if kill_at_iteration is not None:
         tiny_runs._kill_at_call(RoundTrainLoop, 'run_iter', kill_at_iteration, after=True)
     name = 'ToyRooms' if change is None else change()
-    train_config(config_of(work_dir, budget, name), resume)
+    train_config(config_of(work_dir, budget, name, region_prior), resume)
 
 
 def with_noise(budget_file: Path, reveal_instances: bool = True) -> str:
