@@ -1,123 +1,19 @@
 """What a region may be before any network is asked: by its shape, its colour and how near revealed points lie."""
 
-from collections.abc import Iterable
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from rm3d_plugin.pseudo_labels.looks import RegionExamples, looks_shares, region_looks
 from rm3d_plugin.pseudo_labels.propagate import Pooled
 from rm3d_plugin.pseudo_labels.spread import seeded_regions
 from rm3d_plugin.regions import MergeStrategy
 from rm3d_plugin.regions.prepare import PreparedScene
-from rm3d_plugin.structures import PointCloud, RegionGraph, Regions
+from rm3d_plugin.structures import Regions
 
-LEAST_POINTS = 30  # of a region that is an example
-NEIGHBORS = 10  # labelled regions that are asked
-BANDWIDTH = 0.15  # squared distance at which a labelled region counts 1 / e
-DOUBT = 0.1  # votes that each class has for nothing, so that far neighbours alone convince no one
 SAMPLE = 32  # points of a region whose distance is measured
 OTHER_COLOR = 0.05  # likeness that is left between quite different colours
-DESCRIPTOR_WEIGHT = 0.5  # of the squared distance of descriptors, against 1 of shape and height
-_SHAPE_COLUMNS = 7
-
-
-class RegionExamples(NamedTuple):
-    """Labelled regions of all training scenes.
-
-    Attributes:
-        looks: (M, F) scaled, so that squared distances are about 1 for regions that have nothing in common.
-        classes: (M,) int64.
-        middle: (F,) what is taken off a look.
-        scale: (F,) what it is multiplied by then.
-    """
-
-    looks: Float[np.ndarray, 'examples features']
-    classes: Int[np.ndarray, ' examples']
-    middle: Float[np.ndarray, ' features']
-    scale: Float[np.ndarray, ' features']
-
-
-def region_looks(cloud: PointCloud, regions: Regions, graph: RegionGraph) -> Float[np.ndarray, 'regions features']:
-    """Slope, curvature, three lengths, lower and upper end above the scene's floor, then the mean descriptor.
-
-    Nothing in it changes when the scene is turned about z or moved. Colours are left out: they tell things of one scene
-    apart, and differ between scenes.
-
-    Args:
-        cloud: Points, metres, z up.
-        regions: Partition of the same points.
-        graph: Features of the regions.
-    """
-    count = len(regions)
-    if count == 0:
-        return np.zeros((0, _SHAPE_COLUMNS + graph.descriptors.shape[1]))
-    z, order = cloud.xyz[:, 2].astype(np.float64), regions.indices
-    floor = np.percentile(z, 1)
-    low = np.minimum.reduceat(z[order], regions.offsets[:-1]) - floor
-    high = np.maximum.reduceat(z[order], regions.offsets[:-1]) - floor
-    shape = np.column_stack([np.abs(graph.normals[:, 2]), graph.curvatures, np.log(graph.extents + 0.05), low, high])
-    return np.concatenate([shape, graph.descriptors], axis=1)
-
-
-def collect_examples(
-    scenes: Iterable[
-        tuple[Float[np.ndarray, 'regions features'], Int[np.ndarray, ' regions'], Int[np.ndarray, ' regions']]
-    ],
-) -> RegionExamples | None:
-    """Scale the looks of the regions of all scenes, and keep the labelled ones.
-
-    Args:
-        scenes: For each scene looks, class (-1 = unlabelled) and points of its regions.
-
-    Returns:
-        None where no region of :data:`LEAST_POINTS` is labelled.
-    """
-    looks: list[np.ndarray] = []
-    classes: list[np.ndarray] = []
-    count, total, squares = 0, np.zeros(1), np.zeros(1)
-    for rows, labels, sizes in scenes:
-        large = sizes >= LEAST_POINTS
-        count += int(large.sum())
-        total = total + rows[large].sum(axis=0)
-        squares = squares + np.square(rows[large]).sum(axis=0)
-        looks.append(rows[large & (labels >= 0)])
-        classes.append(labels[large & (labels >= 0)])
-    if not sum(map(len, classes)):
-        return None
-    middle = total / count
-    deviation = np.sqrt(np.maximum(squares / count - np.square(middle), 0.0))
-    rest = max(len(middle) - _SHAPE_COLUMNS, 1)
-    share = np.where(np.arange(len(middle)) < _SHAPE_COLUMNS, 1 / _SHAPE_COLUMNS, DESCRIPTOR_WEIGHT / rest)
-    told = deviation > 1e-6 * (1.0 + np.abs(middle))  # a column that is the same everywhere tells nothing
-    scale = np.where(told, np.sqrt(share) / np.where(told, deviation, 1.0), 0.0)
-    return RegionExamples((np.concatenate(looks) - middle) * scale, np.concatenate(classes), middle, scale)
-
-
-def looks_shares(
-    looks: Float[np.ndarray, 'regions features'], examples: RegionExamples, count: int
-) -> Float[np.ndarray, 'regions classes']:
-    """How much the labelled regions that look most alike speak for each class.
-
-    Each of the nearest examples votes with exp(-squared distance / bandwidth), and each class has a little for nothing.
-
-    Args:
-        looks: Of the regions of one scene, see :func:`region_looks`.
-        examples: Labelled regions of all scenes.
-        count: Number of classes.
-
-    Returns:
-        (R, C) rows of sum 1; alike for all classes where nothing is near.
-    """
-    distance = cdist((looks - examples.middle) * examples.scale, examples.looks, 'sqeuclidean')
-    asked = min(NEIGHBORS, len(examples.looks))
-    nearest = np.argpartition(distance, asked - 1, axis=1)[:, :asked]
-    weights = np.exp(-np.take_along_axis(distance, nearest, axis=1) / BANDWIDTH)
-    votes = np.full((len(looks), count), DOUBT)
-    np.add.at(votes, (np.arange(len(looks))[:, None], examples.classes[nearest]), weights)
-    return np.asarray(votes / votes.sum(axis=1, keepdims=True))
 
 
 def nearness(

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.pseudo_labels.prior import LEAST_POINTS, RegionExamples, collect_examples, region_looks
+from rm3d_plugin.pseudo_labels.looks import LEAST_POINTS, RegionExamples, collect_examples, region_looks
 from rm3d_plugin.pseudo_labels.spread import SeededRegions, seeded_regions, usual_lengths
 from rm3d_plugin.regions.features import region_lengths
 from rm3d_plugin.regions.prepare import PreparedScene

@@ -7,7 +7,7 @@ from reference.toy_scenes import ToyRooms, make_scene
 from rm3d_plugin.engine import PointBudgetSource, PointLabeler, PointPrediction
 from rm3d_plugin.engine.label_report import PointTruth, describe_round, offset_errors, summarise_points
 from rm3d_plugin.label_budgets import BudgetError
-from rm3d_plugin.pseudo_labels.prior import region_looks
+from rm3d_plugin.pseudo_labels.looks import region_looks
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 
