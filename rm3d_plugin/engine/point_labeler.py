@@ -25,6 +25,7 @@ from rm3d_plugin.pseudo_labels.held_in import (
 )
 from rm3d_plugin.pseudo_labels.prior import region_prior
 from rm3d_plugin.pseudo_labels.survey import RegionSurvey, survey_regions
+from rm3d_plugin.regions import MergeLedger
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
@@ -108,10 +109,14 @@ class PointLabeler(BaseLabeler):
         scenes = ((self.prepared(scene), self.weak(scene).semantic) for scene in self.index_of)
         return survey_regions(scenes, len(self.source.classes), self.strategy.spread_extent, self.strategy.region_prior)
 
-    def _prior(self, scene: PreparedScene, weak: WeakLabels) -> Float[np.ndarray, 'regions classes'] | None:
-        """What the regions of a scene may be, where the strategy asks for it."""
+    def _prior(
+        self, number: int, scene_id: str, scene: PreparedScene, weak: WeakLabels
+    ) -> Float[np.ndarray, 'regions classes'] | None:
+        """What the regions of a scene may be, where the strategy asks for it; the first round's ledger keeps it."""
         if not self.strategy.region_prior:
             return None
+        if number:
+            return MergeLedger.from_arrays(self.store.read_ledger(scene_id, 0)).known['probabilities']
         return region_prior(scene, weak.semantic, self.survey.lengths, self.survey.examples, self.strategy)
 
     def inform(self, model: Any) -> None:
@@ -138,7 +143,7 @@ class PointLabeler(BaseLabeler):
             self.class_counts,
             tuple(self.source.thing_classes),
             None if self.strategy.spread_extent is None else self.survey.lengths,
-            self._prior(scene, weak),
+            self._prior(number, scene_id, scene, weak),
         )
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 

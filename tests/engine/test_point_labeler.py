@@ -147,6 +147,18 @@ def test_labels_spread_by_what_regions_may_be(tmp_path):
     assert made.store.summary(0)['coverage'] > plain.store.summary(0)['coverage']
 
 
+def test_later_rounds_find_the_prior_in_the_ledger_of_the_first(tmp_path):
+    made = labeler(tmp_path, 'onept', strategy={'region_prior': True})
+    made.start(keep=False, log=lambda text: None)
+    again = labeler(tmp_path, 'onept', strategy={'region_prior': True})
+    again.start(keep=True, log=lambda text: None)
+    for scene in made.index_of:
+        prepared, weak = made.prepared(scene), made.weak(scene)
+        first, later = made._prior(0, scene, prepared, weak), again._prior(1, scene, prepared, weak)
+        np.testing.assert_allclose(later, first / first.sum(axis=1, keepdims=True), rtol=1e-12)
+    assert 'survey' not in vars(again)  # which would read every scene
+
+
 @pytest.mark.parametrize('extent', [None, 0.9])
 def test_examples_are_regions_that_are_not_too_long_and_every_scene_is_read_once(tmp_path, monkeypatch, extent):
     made = labeler(tmp_path, strategy={'region_prior': True, 'spread_extent': extent})
