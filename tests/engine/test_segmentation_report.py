@@ -32,8 +32,8 @@ def train_with_report(folder: Path) -> None:
     """A toy run with two validations and a report."""
     plain = toy_runs.config_of
 
-    def config_of(work_dir, budget, dataset='ToyRooms'):
-        config = plain(work_dir, budget, dataset)
+    def config_of(work_dir, budget, dataset='ToyRooms', region_prior=False):
+        config = plain(work_dir, budget, dataset, region_prior)
         config.val_dataloader = dict(
             batch_size=1,
             num_workers=0,
