@@ -43,6 +43,8 @@ FIXED = (
     'spread_color',
     'spread_extent',
     'region_prior',
+    'prior_scale',
+    'network_power',
     'new_instances',
     'level_regions',
     'level_reach',

@@ -75,7 +75,8 @@ def group_regions(
     seen = seen_rows(rows)
     pooled = pool_rows(rows, seen, regions.labels, count, strategy.pooling)
     if prior is not None:
-        pooled = with_prior(None if probabilities is None else pooled, regions.sizes, prior)
+        network = None if probabilities is None else pooled
+        pooled = with_prior(network, regions.sizes, prior, strategy.network_power)
     known = known_regions(regions, truth, BOX_REGION_SHARE)
     pooled_centers = None
     if centers is not None:

@@ -1,12 +1,17 @@
 """Level ground: road and pavement lie in one plane, and no region ends where they meet, but for a step of the kerb."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from rm3d_plugin.pseudo_labels.prior import FADING
+from rm3d_plugin.pseudo_labels.propagate import seen_rows
 from rm3d_plugin.structures import UNLABELLED, RegionGraph
 
 STEP = 0.03  # m of height that count as a metre sideways: a kerb keeps two classes apart
+FAR = 20.0  # m of that distance, from which on none is farther
 
 
 def level_regions(graph: RegionGraph, least: float | None) -> Bool[np.ndarray, ' regions']:
@@ -14,32 +19,60 @@ def level_regions(graph: RegionGraph, least: float | None) -> Bool[np.ndarray, '
     return np.asarray(np.abs(graph.normals[:, 2]) >= (np.inf if least is None else least))
 
 
-def nearest_level_classes(
+class LevelLabels(NamedTuple):
+    """What level points are.
+
+    Attributes:
+        classes: (N,) int64; -1 for other points and where nothing is known.
+        confidence: (N,) in [0, 1]; 0 where there is no class.
+    """
+
+    classes: Int[np.ndarray, ' points']
+    confidence: Float[np.ndarray, ' points']
+
+
+def level_labels(
     xyz: Float[np.ndarray, 'points 3'],
     level: Bool[np.ndarray, ' points'],
     true_labels: Int[np.ndarray, ' points'],
+    probabilities: Float[np.ndarray, 'points classes'] | None,
     reach: float | None,
-) -> Int[np.ndarray, ' points']:
-    """For each level point the class of the nearest revealed one among them; heights count 1 / :data:`STEP` times.
+) -> LevelLabels:
+    """The class of each level point: the nearest revealed one's, or what a network and the distances say together.
+
+    Heights count 1 / :data:`STEP` times. With a network each class has its probability times (1 + distance to its
+    nearest revealed level point, at most :data:`FAR`) ^ -:data:`~rm3d_plugin.pseudo_labels.prior.FADING`; classes
+    without any are not said.
 
     Args:
         xyz: Metres, z up.
         level: Points that take part.
-        true_labels: True class of each point, -1 = unknown.
-        reach: Metres; larger distances name nothing. None: no limit.
-
-    Returns:
-        (N,) int64, -1 for other points and out of reach.
+        true_labels: True class of each point, -1 = unknown. Where no level point has one, nothing is named.
+        probabilities: (N, C) softmax, NaN or zero rows where the network saw nothing; None before there is a network.
+        reach: Metres; without a network larger distances name nothing. None: no limit.
 
     >>> xyz = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0.15], [5, 0, 0.15]])
-    >>> nearest_level_classes(xyz, np.ones(4, dtype=bool), np.array([3, -1, -1, 4]), None)
+    >>> level, known = np.ones(4, dtype=bool), np.array([3, -1, -1, 4])
+    >>> level_labels(xyz, level, known, None, None).classes
     array([3, 3, 4, 4])
     """
-    out = np.full(len(xyz), UNLABELLED, dtype=np.int64)
-    own = np.flatnonzero(level & (true_labels >= 0))
-    if len(own):
-        where = xyz / np.array([1.0, 1.0, STEP])
-        limit = np.inf if reach is None else reach
-        distance, nearest = cKDTree(where[own]).query(where[level], distance_upper_bound=limit)
-        out[level] = np.append(true_labels[own], UNLABELLED)[np.where(np.isfinite(distance), nearest, len(own))]
-    return out
+    classes, confidence = np.full(len(xyz), UNLABELLED, dtype=np.int64), np.zeros(len(xyz))
+    rows, own = np.flatnonzero(level), np.flatnonzero(level & (true_labels >= 0))
+    if not len(own):
+        return LevelLabels(classes, confidence)
+    where = xyz / np.array([1.0, 1.0, STEP])
+    if probabilities is None:
+        distance, nearest = cKDTree(where[own]).query(
+            where[rows], distance_upper_bound=np.inf if reach is None else reach
+        )
+        near = np.isfinite(distance)
+        classes[rows[near]], confidence[rows[near]] = true_labels[own[nearest[near]]], 1.0
+        return LevelLabels(classes, confidence)
+    rows = rows[seen_rows(probabilities[rows])]
+    shares = np.zeros((len(rows), probabilities.shape[1]))
+    for c in np.unique(true_labels[own]).tolist():
+        distance, _ = cKDTree(where[own[true_labels[own] == c]]).query(where[rows])
+        shares[:, c] = probabilities[rows, c] * (1 + np.minimum(distance, FAR)) ** -FADING
+    classes[rows] = shares.argmax(axis=1)
+    confidence[rows] = shares.max(axis=1) / np.maximum(shares.sum(axis=1), 1e-12)
+    return LevelLabels(classes, confidence)

@@ -12,44 +12,62 @@ from rm3d_plugin.regions import MergeStrategy
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.structures import Regions
 
+FADING = 1.5  # how fast the word of a revealed point fades
 SAMPLE = 32  # points of a region whose distance is measured
 OTHER_COLOR = 0.05  # likeness that is left between quite different colours
 
 
-def nearness(
-    xyz: Float[np.ndarray, 'points 3'],
-    regions: Regions,
-    true_labels: Int[np.ndarray, ' points'],
-    reach: Float[np.ndarray, ' classes'],
+def revealed_distances(
+    xyz: Float[np.ndarray, 'points 3'], regions: Regions, true_labels: Int[np.ndarray, ' points'], count: int
 ) -> Float[np.ndarray, 'regions classes']:
-    """How near the revealed points of each class are to a region: exp(-mean distance of its points / reach).
+    """Mean distance of the points of each region to the nearest revealed point of each class.
 
-    It is divided by the root of the reach: what reaches far, as a floor, says less of each place. Of a large region
-    some points, evenly chosen, stand for all.
+    Of a large region some points, evenly chosen, stand for all.
 
     Args:
         xyz: Metres.
         regions: Partition of the same points.
         true_labels: True class of each point, -1 = unknown.
-        reach: (C,) metres, how long regions of each class usually are; NaN, unknown: the median of the others.
+        count: Number of classes.
 
     Returns:
-        (R, C) not negative; 0 for classes of which the scene holds no revealed point, 1 for all where it holds none.
+        (R, C) metres; infinite for classes of which the scene holds no revealed point.
     """
-    present = np.unique(true_labels[true_labels >= 0])
-    if not len(present):
-        return np.ones((len(regions), len(reach)))
-    known = np.isfinite(reach)
-    reach = np.where(known, reach, np.median(reach[known]) if known.any() else 1.0)
-    out = np.zeros((len(regions), len(reach)))
+    out = np.full((len(regions), count), np.inf)
     if not len(regions):
         return out
     steps = np.linspace(0, regions.sizes - 1, SAMPLE, axis=1).astype(np.int64)
     sample = xyz[regions.indices[regions.offsets[:-1, None] + steps]]
-    for c in present.tolist():
+    for c in np.unique(true_labels[true_labels >= 0]).tolist():
         distance, _ = cKDTree(xyz[true_labels == c]).query(sample)
-        out[:, c] = np.exp(-distance.mean(axis=1) / reach[c]) / np.sqrt(reach[c])
+        out[:, c] = distance.mean(axis=1)
     return out
+
+
+def nearness(
+    distance: Float[np.ndarray, 'regions classes'], lengths: Float[np.ndarray, ' classes'], scale: float | None
+) -> Float[np.ndarray, 'regions classes']:
+    """What the word of the nearest revealed points of each class is worth at a region.
+
+    With a scale it is (1 + distance / scale) ^ -:data:`FADING`: it fades slowly, as small things of a class stand
+    anywhere. Without, it is exp(-distance / length) / sqrt(length) with the usual length of the class's regions: most
+    points belong to a thing of which one was revealed, and what is long, as a floor, says less of each place.
+
+    Args:
+        distance: See :func:`revealed_distances`.
+        lengths: (C,) metres, how long regions of each class usually are; NaN, unknown: the median of the others.
+        scale: Metres, or None.
+
+    Returns:
+        (R, C) not negative; 0 at infinite distance, but 1 for all classes where the scene holds no revealed point.
+    """
+    if not np.isfinite(distance).any():
+        return np.ones_like(distance)
+    if scale is not None:
+        return np.asarray((1.0 + distance / scale) ** -FADING)
+    known = np.isfinite(lengths)
+    reach = np.where(known, lengths, np.median(lengths[known]) if known.any() else 1.0)
+    return np.asarray(np.exp(-distance / reach) / np.sqrt(reach))
 
 
 def color_likeness(
@@ -82,7 +100,7 @@ def color_likeness(
 def region_prior(
     scene: PreparedScene,
     true_labels: Int[np.ndarray, ' points'],
-    reach: Float[np.ndarray, ' classes'],
+    lengths: Float[np.ndarray, ' classes'],
     examples: RegionExamples | None,
     strategy: MergeStrategy,
 ) -> Float[np.ndarray, 'regions classes']:
@@ -91,34 +109,39 @@ def region_prior(
     Args:
         scene: Points, regions and their graph.
         true_labels: True class of each point, -1 = unknown.
-        reach: See :func:`nearness`.
+        lengths: See :func:`nearness`.
         examples: Labelled regions of all scenes, or None where there are none.
-        strategy: Says how far colours (or intensities) may differ.
+        strategy: Says how far places and colours (or intensities) may differ.
     """
-    cloud, regions, graph = scene.cloud, scene.regions, scene.graph
-    prior = nearness(cloud.xyz, regions, true_labels, reach)
+    cloud, regions, graph, count = scene.cloud, scene.regions, scene.graph, len(lengths)
+    distance = revealed_distances(cloud.xyz, regions, true_labels, count)
+    prior = nearness(distance, lengths, strategy.prior_scale)
     if graph.colors is not None:
         sigma = strategy.color_sigma if graph.colors.shape[1] == 3 else strategy.intensity_sigma
-        prior = prior * color_likeness(graph.colors, regions.labels, true_labels, sigma, len(reach))
+        prior = prior * color_likeness(graph.colors, regions.labels, true_labels, sigma, count)
     if examples is not None:
-        prior = prior * looks_shares(region_looks(cloud, regions, graph), examples, len(reach))
+        prior = prior * looks_shares(region_looks(cloud, regions, graph), examples, count)
     return prior
 
 
 def with_prior(
-    pooled: Pooled | None, sizes: Int[np.ndarray, ' regions'], prior: Float[np.ndarray, 'regions classes']
+    pooled: Pooled | None,
+    sizes: Int[np.ndarray, ' regions'],
+    prior: Float[np.ndarray, 'regions classes'],
+    power: float = 1.0,
 ) -> Pooled:
-    """The pooled softmax of each region times its prior, of sum 1 again; the prior alone without a network.
+    """The pooled softmax of each region to a power, times its prior, of sum 1 again; the prior alone without a network.
 
     Args:
         pooled: What the network says; rows of NaN where it saw nothing. None: there is no network yet.
         sizes: Points of each region, which the prior speaks for.
         prior: (R, C) not negative.
+        power: Larger: the network counts more.
 
     Returns:
         Rows of NaN where nothing is known, or nothing is left.
     """
     values, seen = (np.ones_like(prior), sizes) if pooled is None else pooled
-    weighted = values * prior
+    weighted = values**power * prior
     total = weighted.sum(axis=1, keepdims=True)
     return Pooled(np.where(total > 0, weighted / np.where(total > 0, total, 1.0), np.nan), seen)

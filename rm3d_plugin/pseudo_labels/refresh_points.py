@@ -14,7 +14,7 @@ from rm3d_plugin.pseudo_labels.draft import (
     overlay,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.level import level_regions, nearest_level_classes
+from rm3d_plugin.pseudo_labels.level import level_labels, level_regions
 from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances, point_values
 from rm3d_plugin.pseudo_labels.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.spread import (
@@ -81,7 +81,8 @@ def refresh_points(
     counts = np.asarray(class_counts)
     spread = _that_spread(truth, regions, graph, class_lengths, strategy)
     level = point_values(level_regions(graph, strategy.level_regions), regions.labels, False)
-    near = nearest_level_classes(xyz, level, spread.semantic, strategy.level_reach)
+    level &= bool((level & (spread.semantic >= 0)).any())
+    named = level_labels(xyz, level, spread.semantic, probabilities, strategy.level_reach)
     spread = _silent(spread, level)
     grouped = group_regions(
         prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts, None, prior
@@ -89,8 +90,9 @@ def refresh_points(
     grouped = apply_quota(grouped, strategy, round)
     draft = draft_of(grouped)
     draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, previous, strategy)
-    draft = overlay(draft, near >= 0, near, 1.0)
+    draft = overlay(draft, level, UNLABELLED, 0.0)  # their points are named one by one
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
+    draft = overlay(draft, named.classes >= 0, *named)
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes, strategy.new_instances)
     labels = PseudoLabels(

@@ -73,6 +73,12 @@ class MergeStrategy:
             class of which a scene holds no revealed point is out, which is true of budgets that reveal one of each
             class there is, as all budgets of points here do, and not of clicks that leave out a class. Segmentation
             only.
+        prior_scale: With ``region_prior``: metres at which a revealed point's word has begun to fade, slowly, as suits
+            scenes with many small things of a class. None: it fades as fast as regions of its class are short, which
+            suits scenes where most things have a revealed point. See
+            :func:`~rm3d_plugin.pseudo_labels.prior.nearness`.
+        network_power: With ``region_prior``: the softmax is raised to this power before, so it counts so many times
+            against what regions may be. Larger: trusts the network more, and regions are named more readily.
         new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: its
             points are of no known instance, so that pieces of an object do not teach offsets to their own middles.
             Segmentation only.
@@ -121,6 +127,8 @@ class MergeStrategy:
     spread_color: float | None = None
     spread_extent: float | None = None
     region_prior: bool = False
+    prior_scale: float | None = None
+    network_power: float = 1.0
     new_instances: bool = True
     level_regions: float | None = None
     level_reach: float | None = None
@@ -138,9 +146,9 @@ class MergeStrategy:
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) >= 0, 'a number >= 0')
         self._check('demote_margin', 0 <= self.demote_margin <= self.gamma, 'in [0, gamma]')
         self._check('mixed_regions', self.mixed_regions in get_args(MixedRegions), f'one of {get_args(MixedRegions)}')
-        for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color'):
+        for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color', 'network_power'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
-        for name in ('spread_color', 'spread_extent', 'level_reach'):
+        for name in ('spread_color', 'spread_extent', 'prior_scale', 'level_reach'):
             limit = getattr(self, name)
             self._check(name, limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
         level = self.level_regions

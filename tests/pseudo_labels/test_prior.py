@@ -11,11 +11,13 @@ from rm3d_plugin.engine.replay import decide_again
 from rm3d_plugin.pseudo_labels import refresh_points
 from rm3d_plugin.pseudo_labels.looks import looks_shares, region_looks
 from rm3d_plugin.pseudo_labels.prior import (
+    FADING,
     OTHER_COLOR,
     SAMPLE,
     color_likeness,
     nearness,
     region_prior,
+    revealed_distances,
     with_prior,
 )
 from rm3d_plugin.pseudo_labels.propagate import Pooled
@@ -27,36 +29,40 @@ from rm3d_plugin.structures import PointCloud, Regions
 
 
 @pytest.mark.parametrize('seed', range(3))
-def test_nearness_as_a_slow_twin(seed):
+def test_distances_as_a_slow_twin(seed):
     rng = np.random.default_rng(seed)
     xyz = rng.random((300, 3)) * 4
     regions = Regions(rng.integers(-1, 20, 300))
     truth = np.where(rng.random(300) < 0.05, rng.integers(0, 3, 300), -1)
-    reach = np.array([0.5, np.nan, 3.0, 1.0])
-    got = nearness(xyz, regions, truth, reach)
+    got = revealed_distances(xyz, regions, truth, 4)
     assert regions.sizes.max() <= SAMPLE  # so the sample holds each point about as often as any other
     for region in range(len(regions)):
         members = regions.points_of(region)
         chosen = members[np.linspace(0, len(members) - 1, SAMPLE).astype(int)]
-        for c, length in enumerate([0.5, 1.0, 3.0, 1.0]):  # the unknown one is the median of the others
+        for c in range(4):
             marks = xyz[truth == c]
-            wanted = 0.0
+            wanted = np.inf
             if len(marks):
-                distance = np.mean([min(np.linalg.norm(mark - xyz[p]) for mark in marks) for p in chosen])
-                wanted = np.exp(-distance / length) / np.sqrt(length)
+                wanted = np.mean([min(np.linalg.norm(mark - xyz[p]) for mark in marks) for p in chosen])
             assert got[region, c] == pytest.approx(wanted)
 
 
-def test_nearness_where_little_is_known():
-    xyz, regions = np.array([[0.0, 0, 0], [2, 0, 0], [9, 9, 9]]), Regions(np.array([0, 1, -1]))
-    nobody = nearness(xyz, regions, np.full(3, -1), np.array([1.0, 2.0]))
-    assert nobody.tolist() == [[1.0, 1.0], [1.0, 1.0]]
-    no_length = nearness(xyz, regions, np.array([1, -1, -1]), np.full(2, np.nan))
-    assert no_length == pytest.approx(np.array([[0, 1.0], [0, np.exp(-2.0)]]))
-    empty = nearness(xyz[:0], Regions(np.zeros(0, dtype=np.int64)), np.zeros(0, dtype=np.int64), np.ones(2))
-    assert empty.shape == (0, 2)
-    none_kept = nearness(xyz, Regions(np.full(3, -1)), np.array([0, -1, -1]), np.ones(2))
-    assert none_kept.shape == (0, 2)
+def test_no_distances_without_regions():
+    none = np.zeros(0, dtype=np.int64)
+    assert revealed_distances(np.zeros((0, 3)), Regions(none), none, 2).shape == (0, 2)
+    assert revealed_distances(np.ones((3, 3)), Regions(np.full(3, -1)), np.array([0, -1, -1]), 2).shape == (0, 2)
+
+
+def test_nearness_by_hand():
+    distance, lengths = np.array([[2.0, 3.0, np.inf]]), np.array([0.5, np.nan, 4.0])
+    by_length = nearness(distance, lengths, None)  # the unknown length is the median of the others, 2.25 m
+    assert by_length == pytest.approx(np.array([[np.exp(-4) / 0.5**0.5, np.exp(-3 / 2.25) / 1.5, 0.0]]))
+    assert nearness(distance, np.full(3, np.nan), None) == pytest.approx(np.exp(-distance))
+    assert FADING == 1.5
+    assert nearness(distance, lengths, 1.0) == pytest.approx(np.array([[3**-1.5, 1 / 8, 0.0]]))
+    assert nearness(distance, lengths, 0.5) == pytest.approx(np.array([[5**-1.5, 7**-1.5, 0.0]]))
+    for scale in (None, 1.0):
+        assert nearness(np.full((2, 3), np.inf), lengths, scale).tolist() == [[1.0] * 3] * 2
 
 
 # ---------------------------------------------------------------------- colour
@@ -72,8 +78,8 @@ def test_color_likeness_by_hand():
     assert got[:, 2].tolist() == [OTHER_COLOR] * 4
 
 
-@pytest.mark.parametrize('channels', [3, 1, 0])
-def test_the_prior_is_the_product_of_what_can_be_told(channels):
+@pytest.mark.parametrize(('channels', 'scale'), [(3, None), (1, 1.0), (0, 0.3)])
+def test_the_prior_is_the_product_of_what_can_be_told(channels, scale):
     rng = np.random.default_rng(0)
     cloud, regions = PointCloud(rng.random((60, 3)).astype(np.float32)), Regions(np.repeat(np.arange(6), 10))
     colors = rng.random((6, channels)) * (50 if channels == 3 else 1) if channels else None
@@ -81,14 +87,15 @@ def test_the_prior_is_the_product_of_what_can_be_told(channels):
     truth = np.full(60, -1)
     truth[[3, 25]] = [0, 1]
     examples, strategy = plain_examples(rng.random((12, 9)), rng.integers(0, 2, 12)), MergeStrategy()
-    reach = np.array([0.5, 1.0])
-    wanted = nearness(cloud.xyz, regions, truth, reach)
+    lengths = np.array([0.5, 1.0])
+    strategy = replace(strategy, prior_scale=scale)
+    wanted = nearness(revealed_distances(cloud.xyz, regions, truth, 2), lengths, scale)
     if channels:
         sigma = {3: strategy.color_sigma, 1: strategy.intensity_sigma}[channels]
         wanted = wanted * color_likeness(colors, regions.labels, truth, sigma, 2)
-    assert region_prior(scene, truth, reach, None, strategy) == pytest.approx(wanted)
+    assert region_prior(scene, truth, lengths, None, strategy) == pytest.approx(wanted)
     wanted = wanted * looks_shares(region_looks(cloud, regions, scene.graph), examples, 2)
-    assert region_prior(scene, truth, reach, examples, strategy) == pytest.approx(wanted)
+    assert region_prior(scene, truth, lengths, examples, strategy) == pytest.approx(wanted)
 
 
 # ---------------------------------------------------------------------- prior and network
@@ -103,6 +110,8 @@ def test_prior_times_network():
     alone = with_prior(None, np.array([9, 8, 7, 6]), prior)
     np.testing.assert_allclose(alone.values, [[0.25, 0.75], [0, 1], [np.nan] * 2, [0.5, 0.5]])
     assert alone.seen.tolist() == [9, 8, 7, 6]
+    squared = with_prior(pooled, np.array([9, 9, 9, 9]), prior, 2.0)
+    np.testing.assert_allclose(squared.values[0], np.array([0.36, 0.48]) / 0.84)
 
 
 def test_labels_by_prior_and_network():
@@ -140,3 +149,7 @@ def test_labels_by_prior_and_network():
 def test_a_bad_switch_is_told():
     with pytest.raises(ValueError, match=r'region_prior: expected True or False'):
         MergeStrategy(region_prior=0.5)
+    with pytest.raises(ValueError, match=r'prior_scale: expected a number > 0, or None'):
+        MergeStrategy(prior_scale=0.0)
+    with pytest.raises(ValueError, match=r'network_power: expected a number > 0'):
+        MergeStrategy(network_power=0.0)
