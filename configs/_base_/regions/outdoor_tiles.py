@@ -1,4 +1,3 @@
-# Regions of tiles whose ground is one class, and a confidence for networks that see rare classes more often than they are.
+# Regions of tiles whose ground is one class.
 _base_ = './outdoor.py'
 ground_cell = 4.0  # m
-gamma = 0.9
