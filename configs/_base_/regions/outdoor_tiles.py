@@ -1,3 +1,4 @@
-# Regions of tiles whose ground is one class.
+# Regions of tiles whose ground is one class, and a confidence for networks that see rare classes more often than they are.
 _base_ = './outdoor.py'
 ground_cell = 4.0  # m
+gamma = 0.75
