@@ -11,7 +11,6 @@ from rm3d_plugin.pseudo_labels.propagate import seen_rows
 from rm3d_plugin.structures import UNLABELLED, RegionGraph
 
 STEP = 0.03  # m of height that count as a metre sideways: a kerb keeps two classes apart
-LEAST_SAID = 1e-3  # mean probability of a class that is hardly ever said
 FAR = 20.0  # m of that distance, from which on none is farther
 
 
@@ -41,9 +40,9 @@ def level_labels(
 ) -> LevelLabels:
     """The class of each level point: the nearest revealed one's, or what a network and the distances say together.
 
-    Heights count 1 / :data:`STEP` times. With a network each class has its probability, over the root of its mean (what
-    is said everywhere says little), times (1 + distance to its nearest revealed level point, at most :data:`FAR`) ^
-    -:data:`~rm3d_plugin.pseudo_labels.prior.FADING`; classes without any are not said.
+    Heights count 1 / :data:`STEP` times. With a network each class has its probability times (1 + distance to its
+    nearest revealed level point, at most :data:`FAR`) ^ -:data:`~rm3d_plugin.pseudo_labels.prior.FADING`; classes
+    without any are not said.
 
     Args:
         xyz: Metres, z up.
@@ -73,7 +72,6 @@ def level_labels(
     if not len(rows):
         return LevelLabels(classes, confidence)
     said = probabilities[rows]
-    said = said / np.sqrt(np.maximum(said.mean(axis=0), LEAST_SAID))
     shares = np.zeros_like(said)
     for c in np.unique(true_labels[own]).tolist():
         distance, _ = cKDTree(where[own[true_labels[own] == c]]).query(where[rows])

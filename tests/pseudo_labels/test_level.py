@@ -8,7 +8,7 @@ from pseudo_labels.patches import make_patches
 
 from rm3d_plugin.engine.replay import decide_again
 from rm3d_plugin.pseudo_labels import refresh_points
-from rm3d_plugin.pseudo_labels.level import FAR, LEAST_SAID, STEP, level_labels
+from rm3d_plugin.pseudo_labels.level import FAR, STEP, level_labels
 from rm3d_plugin.pseudo_labels.prior import FADING
 from rm3d_plugin.regions import MergeLedger, MergeStrategy
 
@@ -42,8 +42,6 @@ def test_with_a_network_as_by_hand():
     level, truth = rng.random(150) < 0.7, np.where(rng.random(150) < 0.1, rng.integers(0, 3, 150), -1)
     rows = rng.dirichlet(np.full(4, 0.3), 150)  # nobody revealed a point of class 3
     rows[::7] = np.nan
-    mean = np.nanmean(rows[level], axis=0)
-    assert mean.min() > LEAST_SAID
     found, sure = level_labels(xyz, level, truth, rows, 0.1)  # the network knows what lies out of reach
     for i, row in enumerate(rows):
         if not level[i] or np.isnan(row).any():
@@ -54,7 +52,7 @@ def test_with_a_network_as_by_hand():
             distance = min(
                 np.linalg.norm((xyz[i] - xyz[j]) / [1, 1, STEP]) for j in np.flatnonzero(level & (truth == c))
             )
-            said[c] = row[c] / mean[c] ** 0.5 * (1 + min(distance, FAR)) ** -FADING
+            said[c] = row[c] * (1 + min(distance, FAR)) ** -FADING
         assert found[i] == said.argmax() and sure[i] == pytest.approx(said.max() / said.sum())
     assert (found[level & (rows[:, :3].argmax(axis=1) != found)] >= 0).any()  # places had a say
     blind = level_labels(xyz, level, truth, np.full((150, 4), np.nan), None)
