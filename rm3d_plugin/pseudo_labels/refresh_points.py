@@ -51,7 +51,8 @@ def refresh_points(
     that of a near one, see ``strategy.mixed_regions``; points of quite another colour may be left out, see
     ``strategy.spread_color``, and what is said of a region too long for its class, see
     ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
-    On level regions the nearest revealed points name each point, and not the region (``strategy.level_regions``).
+    On level regions the nearest revealed points, later with the network, name each point, and not the region
+    (``strategy.level_regions``).
     Other groups take the class that the network (and the ``prior``) gives them with confidence, and are one instance
     each, or none (``strategy.new_instances``).
 

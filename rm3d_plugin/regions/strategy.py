@@ -84,10 +84,11 @@ class MergeStrategy:
             Segmentation only.
         level_regions: Regions whose mean normal is this upright (its z in [0, 1]) are not bounded by what they hold:
             road and pavement lie in one plane. So revealed points on them do not speak for their region; each point on
-            them takes the class of the nearest revealed one, with differences of height, as of a kerb, counted manifold
-            (see :mod:`rm3d_plugin.pseudo_labels.level`). Smaller: slopes too. None: no region is so. Segmentation only.
-        level_reach: Metres up to which those speak; what lies farther off asks the network. Larger: more and less pure
-            labels. None: no limit.
+            them takes the class of the nearest revealed one, with differences of height, as of a kerb, counted more,
+            and after the first round, anew in each, what the network and those distances say together (see
+            :mod:`rm3d_plugin.pseudo_labels.level`). Smaller: slopes too. None: no region is so. Segmentation only.
+        level_reach: Metres up to which a revealed point names level points in the first round. Larger: more and less
+            pure labels. None: no limit.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
             neither trained on nor used for merging; 0: no check. Segmentation only.
         hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
