@@ -26,7 +26,7 @@ train_pipeline = [
 ]
 crop_points = 16000
 class_power = 0.7
-gamma = 0.9
+gamma = 0.75
 sigma = 80
 periods = [80, 160]  # epochs, each one crop of each scan
 checkpoint_interval = '${sigma}'
