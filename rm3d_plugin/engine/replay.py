@@ -45,6 +45,7 @@ FIXED = (
     'region_prior',
     'prior_scale',
     'network_power',
+    'missing_points',
     'new_instances',
     'level_regions',
     'level_reach',

@@ -1,7 +1,7 @@
 """What a region may be before any network is asked: by its shape, its colour and how near revealed points lie."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
@@ -97,6 +97,25 @@ def color_likeness(
     return out
 
 
+def classless_regions(
+    regions: Regions, true_labels: Int[np.ndarray, ' points'], missing_points: float | None
+) -> Bool[np.ndarray, ' regions']:
+    """Regions that would hold so many revealed points or more, were these spread evenly, but hold none.
+
+    Where points are revealed by chance, those are things of no class, as exp(-``missing_points``) says how likely a thing
+    of a class is missed. None: no region is.
+
+    >>> regions = Regions(np.repeat([0, 1, 2], [4, 4, 2]))
+    >>> classless_regions(regions, np.array([0, 0, 1, -1, -1, -1, -1, -1, 1, -1]), 1.5)
+    array([False,  True, False])
+    """
+    if missing_points is None:
+        return np.zeros(len(regions), dtype=bool)
+    revealed = true_labels >= 0
+    held = np.bincount(regions.labels[revealed & (regions.labels >= 0)], minlength=len(regions))
+    return np.asarray((held == 0) & (regions.sizes * revealed.mean() >= missing_points))
+
+
 def region_prior(
     scene: PreparedScene,
     true_labels: Int[np.ndarray, ' points'],
@@ -105,6 +124,8 @@ def region_prior(
     strategy: MergeStrategy,
 ) -> Float[np.ndarray, 'regions classes']:
     """The product of :func:`looks_shares`, :func:`nearness` and :func:`color_likeness`, each where it can be told.
+
+    It is 0 for all classes in :func:`classless_regions`.
 
     Args:
         scene: Points, regions and their graph.
@@ -121,6 +142,7 @@ def region_prior(
         prior = prior * color_likeness(graph.colors, regions.labels, true_labels, sigma, count)
     if examples is not None:
         prior = prior * looks_shares(region_looks(cloud, regions, graph), examples, count)
+    prior[classless_regions(regions, true_labels, strategy.missing_points)] = 0.0
     return prior
 
 

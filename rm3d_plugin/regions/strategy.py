@@ -79,6 +79,9 @@ class MergeStrategy:
             :func:`~rm3d_plugin.pseudo_labels.prior.nearness`.
         network_power: With ``region_prior``: the softmax is raised to this power before, so it counts so many times
             against what regions may be. Larger: trusts the network more, and regions are named more readily.
+        missing_points: With ``region_prior``: a region that would hold so many revealed points, were they spread evenly,
+            but holds none, is of no class, and nothing names it. For points revealed by chance, not class by class, where
+            some things have no class. Smaller: less is labelled. None: any region may have a class.
         new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: its
             points are of no known instance, so that pieces of an object do not teach offsets to their own middles.
             Segmentation only.
@@ -130,6 +133,7 @@ class MergeStrategy:
     region_prior: bool = False
     prior_scale: float | None = None
     network_power: float = 1.0
+    missing_points: float | None = None
     new_instances: bool = True
     level_regions: float | None = None
     level_reach: float | None = None
@@ -149,7 +153,7 @@ class MergeStrategy:
         self._check('mixed_regions', self.mixed_regions in get_args(MixedRegions), f'one of {get_args(MixedRegions)}')
         for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color', 'network_power'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
-        for name in ('spread_color', 'spread_extent', 'prior_scale', 'level_reach'):
+        for name in ('spread_color', 'spread_extent', 'prior_scale', 'missing_points', 'level_reach'):
             limit = getattr(self, name)
             self._check(name, limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
         level = self.level_regions

@@ -14,6 +14,7 @@ from rm3d_plugin.pseudo_labels.prior import (
     FADING,
     OTHER_COLOR,
     SAMPLE,
+    classless_regions,
     color_likeness,
     nearness,
     region_prior,
@@ -96,6 +97,22 @@ def test_the_prior_is_the_product_of_what_can_be_told(channels, scale):
     assert region_prior(scene, truth, lengths, None, strategy) == pytest.approx(wanted)
     wanted = wanted * looks_shares(region_looks(cloud, regions, scene.graph), examples, 2)
     assert region_prior(scene, truth, lengths, examples, strategy) == pytest.approx(wanted)
+
+
+def test_regions_that_chance_should_have_met():
+    regions = Regions(np.repeat([0, 1, 2, -1], [50, 40, 8, 2]))
+    truth = np.full(100, -1)
+    truth[[3, 5, 7, 9, 11, 13, 15, 17, 19, 99]] = 1  # a tenth of the points: region 1 misses four, region 2 not one
+    assert classless_regions(regions, truth, 4.0).tolist() == [False, True, False]
+    assert classless_regions(regions, truth, 0.8).tolist() == [False, True, True]
+    assert not classless_regions(regions, truth, 4.1).any() and not classless_regions(regions, truth, None).any()
+    assert not classless_regions(regions, np.full(100, -1), 4.0).any()
+    cloud = PointCloud(np.random.default_rng(0).random((100, 3)).astype(np.float32))
+    scene, strategy = PreparedScene(cloud, regions, make_graph(3)), MergeStrategy(missing_points=4.0)
+    prior = region_prior(scene, truth, np.ones(2), None, strategy)
+    assert prior[1].tolist() == [0.0, 0.0] and (prior[[0, 2], 1] > 0).all()
+    later = with_prior(Pooled(np.full((3, 2), 0.5), np.ones(3, dtype=int)), regions.sizes, prior)
+    assert np.isnan(later.values[1]).all() and np.isfinite(later.values[[0, 2]]).all()
 
 
 # ---------------------------------------------------------------------- prior and network
