@@ -102,8 +102,8 @@ def classless_regions(
 ) -> Bool[np.ndarray, ' regions']:
     """Regions that would hold so many revealed points or more, were these spread evenly, but hold none.
 
-    Where points are revealed by chance, those are things of no class, as exp(-``missing_points``) says how likely a thing
-    of a class is missed. None: no region is.
+    Where points are revealed by chance, those are things of no class: one of a class is missed with a probability of
+    exp(-``missing_points``). None: no region is.
 
     >>> regions = Regions(np.repeat([0, 1, 2], [4, 4, 2]))
     >>> classless_regions(regions, np.array([0, 0, 1, -1, -1, -1, -1, -1, 1, -1]), 1.5)

@@ -79,9 +79,9 @@ class MergeStrategy:
             :func:`~rm3d_plugin.pseudo_labels.prior.nearness`.
         network_power: With ``region_prior``: the softmax is raised to this power before, so it counts so many times
             against what regions may be. Larger: trusts the network more, and regions are named more readily.
-        missing_points: With ``region_prior``: a region that would hold so many revealed points, were they spread evenly,
-            but holds none, is of no class, and nothing names it. For points revealed by chance, not class by class, where
-            some things have no class. Smaller: less is labelled. None: any region may have a class.
+        missing_points: With ``region_prior``: a region that would hold so many revealed points, were they spread
+            evenly, but holds none, is of no class, and nothing names it. For points revealed by chance, not class by
+            class, where some things have no class. Smaller: less is labelled. None: any region may have a class.
         new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: its
             points are of no known instance, so that pieces of an object do not teach offsets to their own middles.
             Segmentation only.
