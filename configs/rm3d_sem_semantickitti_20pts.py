@@ -3,5 +3,5 @@
 # Score on SemanticKITTI: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_semantickitti.py', './_base_/budgets/points_20pts.py']
 level_reach = 3.0  # m; of use with --demo
-# Clicks show all classes alike often, which they are not: with more of the loss rare classes are said everywhere.
+# So few labelled points say little: with more of the loss they make it noisy.
 demo = dict(true_share=0.1)
