@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from rm3d_plugin.pseudo_labels.prior import FADING
+from rm3d_plugin.pseudo_labels.prior import faded
 from rm3d_plugin.pseudo_labels.propagate import seen_rows
 from rm3d_plugin.structures import UNLABELLED, RegionGraph
 
@@ -40,9 +40,9 @@ def level_labels(
 ) -> LevelLabels:
     """The class of each level point: the nearest revealed one's, or what a network and the distances say together.
 
-    Heights count 1 / :data:`STEP` times. With a network each class has its probability times (1 + distance to its
-    nearest revealed level point, at most :data:`FAR`) ^ -:data:`~rm3d_plugin.pseudo_labels.prior.FADING`; classes
-    without any are not said.
+    Heights count 1 / :data:`STEP` times. With a network each class has its probability times what its nearest revealed
+    level point is worth from there (:func:`~rm3d_plugin.pseudo_labels.prior.faded`, 1 m), at least as at :data:`FAR`;
+    classes without any are not said.
 
     Args:
         xyz: Metres, z up.
@@ -75,7 +75,7 @@ def level_labels(
     shares = np.zeros_like(said)
     for c in np.unique(true_labels[own]).tolist():
         distance, _ = cKDTree(where[own[true_labels[own] == c]]).query(where[rows])
-        shares[:, c] = said[:, c] * (1 + np.minimum(distance, FAR)) ** -FADING
+        shares[:, c] = said[:, c] * faded(np.minimum(distance, FAR), 1.0)
     classes[rows] = shares.argmax(axis=1)
     confidence[rows] = shares.max(axis=1) / np.maximum(shares.sum(axis=1), 1e-12)
     return LevelLabels(classes, confidence)

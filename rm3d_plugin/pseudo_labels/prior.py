@@ -44,14 +44,24 @@ def revealed_distances(
     return out
 
 
+def faded(distance: Float[np.ndarray, '*any'], scale: float) -> Float[np.ndarray, '*any']:
+    """What the word of a revealed point is worth so far away: (1 + distance / scale) ^ -:data:`FADING`.
+
+    Args:
+        distance: Metres; infinite: 0.
+        scale: Metres at which it has begun to fade.
+    """
+    return np.asarray((1.0 + distance / scale) ** -FADING)
+
+
 def nearness(
     distance: Float[np.ndarray, 'regions classes'], lengths: Float[np.ndarray, ' classes'], scale: float | None
 ) -> Float[np.ndarray, 'regions classes']:
     """What the word of the nearest revealed points of each class is worth at a region.
 
-    With a scale it is (1 + distance / scale) ^ -:data:`FADING`: it fades slowly, as small things of a class stand
-    anywhere. Without, it is exp(-distance / length) / sqrt(length) with the usual length of the class's regions: most
-    points belong to a thing of which one was revealed, and what is long, as a floor, says less of each place.
+    With a scale it fades slowly (:func:`faded`), as small things of a class stand anywhere. Without, it is
+    exp(-distance / length) / sqrt(length) with the usual length of the class's regions: most points belong to a thing of
+    which one was revealed, and what is long, as a floor, says less of each place.
 
     Args:
         distance: See :func:`revealed_distances`.
@@ -64,7 +74,7 @@ def nearness(
     if not np.isfinite(distance).any():
         return np.ones_like(distance)
     if scale is not None:
-        return np.asarray((1.0 + distance / scale) ** -FADING)
+        return faded(distance, scale)
     known = np.isfinite(lengths)
     reach = np.where(known, lengths, np.median(lengths[known]) if known.any() else 1.0)
     return np.asarray(np.exp(-distance / reach) / np.sqrt(reach))
