@@ -60,8 +60,8 @@ def nearness(
     """What the word of the nearest revealed points of each class is worth at a region.
 
     With a scale it fades slowly (:func:`faded`), as small things of a class stand anywhere. Without, it is
-    exp(-distance / length) / sqrt(length) with the usual length of the class's regions: most points belong to a thing of
-    which one was revealed, and what is long, as a floor, says less of each place.
+    exp(-distance / length) / sqrt(length) with the usual length of the class's regions: most points belong to a thing
+    of which one was revealed, and what is long, as a floor, says less of each place.
 
     Args:
         distance: See :func:`revealed_distances`.
