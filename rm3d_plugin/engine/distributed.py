@@ -23,7 +23,7 @@ def joined_processes(launcher: str) -> Iterator[None]:
     An error tells which process it came from. ``torchrun`` then ends the others.
 
     Raises:
-        ConfigError: The process was not started by a launcher that names its rank.
+        ConfigError: The process was not started by a launcher that names its rank, or has no GPU of its own.
     """
     if launcher != 'pytorch':  # mmengine joins those of slurm and MPI
         yield
@@ -35,7 +35,13 @@ def joined_processes(launcher: str) -> Iterator[None]:
             '`torchrun --nproc_per_node N tools/train.py CONFIG --launcher pytorch`'
         )
     if torch.cuda.is_available():
-        torch.cuda.set_device(int(os.environ['LOCAL_RANK']))
+        local, found = int(os.environ.get('LOCAL_RANK', 0)), torch.cuda.device_count()
+        if local >= found:
+            raise ConfigError(
+                f'--launcher pytorch: process {local} of this machine needs a GPU of its own, and {found} were found; '
+                f"start {found} processes (--nproc_per_node {found}), or set CUDA_VISIBLE_DEVICES='' to use CPUs"
+            )
+        torch.cuda.set_device(local)
     dist.init_process_group('nccl' if torch.cuda.is_available() else 'gloo', timeout=PATIENCE)
     try:
         yield

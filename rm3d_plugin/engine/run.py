@@ -1,6 +1,7 @@
 """From a resolved config to a runner; what every command of ``tools/`` shares."""
 
 import argparse
+import os
 import re
 import shutil
 import sys
@@ -93,6 +94,7 @@ def train(config: Config, resume: bool = False, amp: bool = False, launcher: str
     else:
         config.resume, config.load_from = True, str(checkpoint)
     barrier()
+    os.environ.setdefault('CUBLAS_WORKSPACE_CONFIG', ':4096:8')  # without it products on a GPU vary from run to run
     with config_errors(config):
         runner = Runner.from_cfg(config)
     runner.train()

@@ -69,20 +69,41 @@ class KernelMap:
     starts: Int64[np.ndarray, 'offsets_plus_1']
     n_in: int
     n_out: int
+    _tables: dict[bool, Tensor] = field(default_factory=dict, repr=False, compare=False)  # shared with the transposed
+    _turned: bool = field(default=False, repr=False, compare=False)
 
     def transposed(self) -> 'KernelMap':
         """The map of the inverse convolution: from the output rows back to the input rows."""
-        return KernelMap(self.pair_out, self.pair_in, self.starts, self.n_out, self.n_in)
+        return KernelMap(
+            self.pair_out, self.pair_in, self.starts, self.n_out, self.n_in, self._tables, not self._turned
+        )
+
+    @property
+    def table(self) -> Int32[Tensor, 'outputs offsets']:
+        """Input row of each output row and offset; ``n_in`` where there is none. Made on first use."""
+        if self._turned not in self._tables:
+            table = self.pair_in.new_full((self.n_out, len(self.starts) - 1), self.n_in)
+            table[self.pair_out.long(), self._offset_of_pairs()] = self.pair_in
+            self._tables[self._turned] = table
+        return self._tables[self._turned]
 
     @cached_property
     def padded_pairs(self) -> tuple[Int32[Tensor, '2 offsets most'], Int32[Tensor, 'offsets']]:
         """The pairs as spconv takes them, filled up with -1, and their number for each offset."""
-        counts = torch.from_numpy(self.starts).diff()
-        pairs = self.pair_in.new_full((2, len(counts), max(self.n_in, self.n_out, 1)), -1)
-        for k, (start, count) in enumerate(zip(self.starts.tolist(), counts.tolist(), strict=False)):
-            pairs[0, k, :count] = self.pair_in[start : start + count]
-            pairs[1, k, :count] = self.pair_out[start : start + count]
-        return pairs, counts.int().to(pairs.device)
+        starts = torch.from_numpy(self.starts).to(self.pair_in.device)
+        pairs = self.pair_in.new_full((2, len(starts) - 1, max(self.n_in, self.n_out, 1)), -1)
+        offset = self._offset_of_pairs()
+        place = torch.arange(len(offset), device=offset.device) - starts[offset]
+        pairs[0, offset, place], pairs[1, offset, place] = self.pair_in, self.pair_out
+        return pairs, starts.diff().int()
+
+    def nbytes(self) -> int:
+        """Memory of the pairs and of what was made from them so far."""
+        return self.pair_in.nbytes + self.pair_out.nbytes + sum(table.nbytes for table in self._tables.values())
+
+    def _offset_of_pairs(self) -> Int64[Tensor, 'pairs']:
+        counts = torch.from_numpy(self.starts).diff().to(self.pair_in.device)
+        return torch.arange(len(counts), device=counts.device).repeat_interleave(counts, output_size=len(self.pair_in))
 
 
 @dataclass
@@ -120,7 +141,7 @@ class VoxelLevel:
     def nbytes(self) -> int:
         """Memory of the level, and of all maps and coarser levels made from it so far."""
         own = self.coords.nbytes + self._keys.nbytes
-        maps = sum(m.pair_in.nbytes + m.pair_out.nbytes for m in self._maps.values())
+        maps = sum(kernel_map.nbytes() for kernel_map in self._maps.values())
         return own + maps + sum(level.nbytes() for level in self._coarser.values())
 
     def coarser(self, stride: Triple) -> 'VoxelLevel':
@@ -159,15 +180,13 @@ def _build_map(source: VoxelLevel, target: VoxelLevel, spec: KernelSpec) -> Kern
 
 
 def _pairs_searched(keys: Tensor, anchors: Tensor, deltas: list[int]) -> tuple[Tensor, Tensor, list[int]]:
-    """Pairs by binary search in plain torch; runs on any device."""
-    rows_in, rows_out = [], []
-    for delta in deltas:
-        wanted = anchors + delta
-        place = torch.searchsorted(keys, wanted).clamp_(max=max(len(keys) - 1, 0))
-        hit = (keys[place] == wanted).nonzero()[:, 0]
-        rows_in.append(place[hit].int())
-        rows_out.append(hit.int())
-    return torch.cat(rows_in), torch.cat(rows_out), [len(rows) for rows in rows_in]
+    """Pairs by binary search in plain torch; runs on any device, and waits for it once."""
+    wanted = anchors + keys.new_tensor(deltas)[:, None]
+    place = torch.searchsorted(keys, wanted).clamp_(max=max(len(keys) - 1, 0))
+    hit = keys[place] == wanted
+    counts = hit.sum(dim=1).tolist()
+    offset, row = hit.nonzero(as_tuple=True)
+    return place[offset, row].int(), row.int(), counts
 
 
 @njit(cache=True, nogil=True)

@@ -1,5 +1,6 @@
 """Sparse convolution and pooling over a kernel map: output row += input row @ weight of the offset, for every pair."""
 
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import torch
@@ -10,6 +11,8 @@ from torch.autograd.function import once_differentiable
 from rm3d_plugin.ops._backends import Backend, chosen_backend, spconv_conv
 from rm3d_plugin.ops._gather_gemm import gather_gemm, gather_outer
 from rm3d_plugin.ops.kernel_map import KernelMap
+
+_BLOCK_VALUES = 1 << 26  # gathered at once on a GPU, 256 MB in single precision
 
 
 def sparse_conv(
@@ -91,19 +94,30 @@ def _has_kernel(features: Tensor) -> bool:
 
 
 def _forward_plain(features: Tensor, weight: Tensor, kernel_map: KernelMap) -> Tensor:
-    out = features.new_zeros((kernel_map.n_out, weight.shape[2]))
-    for k in range(len(weight)):
-        rows_in, rows_out = _offset_pairs(kernel_map, k)
-        out.index_add_(0, rows_out, features.index_select(0, rows_in) @ weight[k])
+    out = features.new_empty((kernel_map.n_out, weight.shape[2]))
+    flat = weight.reshape(-1, weight.shape[2])
+    for rows, gathered in _gathered_blocks(features, kernel_map):
+        torch.mm(gathered, flat, out=out[rows])
     return out
 
 
 def _weight_grad_plain(features: Tensor, grad: Tensor, kernel_map: KernelMap) -> Tensor:
-    out = features.new_empty((len(kernel_map.starts) - 1, features.shape[1], grad.shape[1]))
-    for k in range(len(out)):
-        rows_in, rows_out = _offset_pairs(kernel_map, k)
-        torch.mm(features.index_select(0, rows_in).T, grad.index_select(0, rows_out), out=out[k])
-    return out
+    out = features.new_zeros((kernel_map.table.shape[1] * features.shape[1], grad.shape[1]))
+    for rows, gathered in _gathered_blocks(features, kernel_map):
+        out.addmm_(gathered.T, grad[rows])
+    return out.view(-1, features.shape[1], grad.shape[1])
+
+
+def _gathered_blocks(features: Tensor, kernel_map: KernelMap) -> Iterator[tuple[slice, Tensor]]:
+    """For some output rows at a time, the input rows under all offsets side by side; zeros where there is none.
+
+    One product takes the place of one for each offset: on a GPU, the starts of many small ones cost more than zeros.
+    """
+    table, padded = kernel_map.table, torch.cat([features, features.new_zeros((1, features.shape[1]))])
+    step = max(1, _BLOCK_VALUES // max(1, table.shape[1] * features.shape[1]))
+    for first in range(0, len(table), step):
+        rows = slice(first, first + step)
+        yield rows, padded[table[rows]].flatten(1)
 
 
 class _SparseConv(torch.autograd.Function):

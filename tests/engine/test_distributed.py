@@ -25,7 +25,7 @@ def torchrun(*arguments, processes=2):
         port = probe.getsockname()[1]
     command = [sys.executable, '-m', 'torch.distributed.run', '--nproc_per_node', str(processes)]
     command += ['--master_port', str(port), str(SCRIPT), *map(str, arguments)]
-    environment = os.environ | {'OMP_NUM_THREADS': '1', 'PYTHONWARNINGS': 'ignore'}
+    environment = os.environ | {'OMP_NUM_THREADS': '1', 'PYTHONWARNINGS': 'ignore', 'CUDA_VISIBLE_DEVICES': ''}
     return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=200)
 
 
@@ -63,6 +63,21 @@ def test_each_scene_is_refreshed_by_one_process_and_labels_of_round_0_are_those_
         np.testing.assert_array_equal(first.semantic, second.semantic)
         np.testing.assert_array_equal(first.boxes.tensor, second.boxes.tensor)
     assert list(two.scenes(1)) == names
+
+
+def test_more_processes_than_gpus_are_refused(monkeypatch):
+    for name, value in {
+        'RANK': 1,
+        'LOCAL_RANK': 1,
+        'WORLD_SIZE': 2,
+        'MASTER_ADDR': '127.0.0.1',
+        'MASTER_PORT': 1,
+    }.items():
+        monkeypatch.setenv(name, str(value))
+    monkeypatch.setattr(torch.cuda, 'is_available', lambda: True)
+    monkeypatch.setattr(torch.cuda, 'device_count', lambda: 1)
+    with pytest.raises(ConfigError, match='1 were found; start 1 processes'), joined_processes('pytorch'):
+        pass
 
 
 def test_without_torchrun_the_launcher_is_refused(monkeypatch):

@@ -1,6 +1,7 @@
 """Whole trainings on a world of three streets, each in a process of its own, some killed at a chosen moment.
 
-The processes are forked from a server that has imported everything once, so one costs little more than its work.
+The processes are forked from a server that has imported everything once, so one costs little more than its work;
+where there is a GPU, which no forked process could use, each imports everything by itself.
 """
 
 import multiprocessing
@@ -13,6 +14,8 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import torch
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / 'configs' / 'rm3d_votenet_kitti_1pct.py'
@@ -41,7 +44,7 @@ LEARNT = {
     'learning_rate': 0.01,
     'paste_objects': 1,
 }
-_CONTEXT = multiprocessing.get_context('forkserver')
+_CONTEXT = multiprocessing.get_context('spawn' if torch.cuda.is_available() else 'forkserver')
 _PRELOAD = ('rm3d_plugin.engine.run', 'rm3d_plugin.models', 'rm3d_plugin.evaluation', 'matplotlib.backends.backend_agg')
 _CONTEXT.set_forkserver_preload([*_PRELOAD, 'torch._inductor', 'engine.tiny_runs'])
 

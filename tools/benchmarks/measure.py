@@ -88,6 +88,7 @@ def machine() -> dict[str, Any]:
     return {
         'processor': model,
         'cores': os.cpu_count(),
+        'gpu': torch.cuda.get_device_name() if torch.cuda.is_available() else None,
         'load_average': round(os.getloadavg()[0], 2),
         'torch': torch.__version__,
         'torch_threads': torch.get_num_threads(),

@@ -23,6 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--voxels', type=int, nargs='*', default=[10000, 100000, 400000], help='sizes beside the room')
     parser.add_argument('--voxel-size', type=float, default=0.05, help='metres, of the demo room')
     parser.add_argument('--checkpointing', action='store_true', help='recompute blocks in backward')
+    parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...')
+    parser.add_argument('--backend', default='auto', help='who multiplies: auto, ours or spconv')
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
@@ -32,29 +34,35 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     scenes = {'room': (torch.from_numpy(room.xyz), args.voxel_size)}
     scenes |= {str(count): (room_voxels(count), 1.0) for count in args.voxels}
     rows = {name: _measure(xyz, edge, args) for name, (xyz, edge) in scenes.items()}
-    return {'preset': args.preset, 'checkpointing': args.checkpointing, **rows, 'machine': machine()}
+    chosen = {name: getattr(args, name) for name in ('preset', 'checkpointing', 'device', 'backend')}
+    return {**chosen, **rows, 'machine': machine()}
 
 
 def _measure(xyz: torch.Tensor, voxel_size: float, args: argparse.Namespace) -> dict[str, float | None]:
     torch.manual_seed(0)
-    net = SparseUNet(3, voxel_size, preset=args.preset, checkpointing=args.checkpointing, map_cache=0)
-    head = torch.nn.Linear(net.out_channels, CLASSES)
+    device = torch.device(args.device)
+    options = {'preset': args.preset, 'checkpointing': args.checkpointing, 'backend': args.backend, 'map_cache': 0}
+    net = SparseUNet(3, voxel_size, **options).to(device)
+    head = torch.nn.Linear(net.out_channels, CLASSES).to(device)
     optimizer = torch.optim.Adam([*net.parameters(), *head.parameters()])
-    offsets, labels = torch.tensor([0, len(xyz)]), torch.randint(0, CLASSES, (len(xyz),))
+    xyz, labels = xyz.to(device), torch.randint(0, CLASSES, (len(xyz),)).to(device)
+    offsets = torch.tensor([0, len(xyz)], device=device)
     coords = voxelize(xyz, xyz, offsets, voxel_size).coords
 
     def step() -> None:
         optimizer.zero_grad()
         torch.nn.functional.cross_entropy(head(net(xyz, xyz, offsets)), labels).backward()
         optimizer.step()
+        _wait(device)
+
+    def maps() -> None:
+        all_maps(coords, len(PRESETS[args.preset]))
+        _wait(device)
 
     step()  # compiles
     forget_peak()
     before = memory_mb('VmRSS')
-    seconds = interleaved_medians(
-        {'step': step, 'maps': lambda: all_maps(coords, len(PRESETS[args.preset]))}, args.repeats
-    )
-    peak = memory_mb('VmHWM')
+    seconds = interleaved_medians({'step': step, 'maps': maps}, args.repeats)
     return {
         'points': len(xyz),
         'voxels': len(coords),
@@ -62,6 +70,13 @@ def _measure(xyz: torch.Tensor, voxel_size: float, args: argparse.Namespace) -> 
         'step_cpu_s': seconds['step'].cpu,
         'voxels_per_cpu_s': round(len(coords) / seconds['step'].cpu),
         'kernel_maps_share': seconds['maps'].cpu / seconds['step'].cpu,
-        'peak_mb': peak,
+        'peak_mb': memory_mb('VmHWM'),
         'before_mb': before,
+        'gpu_peak_mb': round(torch.cuda.max_memory_allocated(device) / 2**20) if device.type == 'cuda' else None,
     }
+
+
+def _wait(device: torch.device) -> None:
+    """Let a GPU finish what was asked of it; otherwise only the asking is timed."""
+    if device.type == 'cuda':
+        torch.cuda.synchronize(device)
