@@ -9,7 +9,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from tqdm import tqdm
 
 from rm3d_plugin.engine.base_labeler import BaseLabeler, Log, PointPrediction, SceneLabels
 from rm3d_plugin.engine.label_report import PointTruth, summarise_points
@@ -23,12 +24,15 @@ from rm3d_plugin.pseudo_labels.held_in import (
     split_held_in,
     without_new_labels,
 )
+from rm3d_plugin.pseudo_labels.level import LevelLabels, level_regions
+from rm3d_plugin.pseudo_labels.level_ground import GroundKnowledge, LevelScene, survey_ground
 from rm3d_plugin.pseudo_labels.prior import region_prior
+from rm3d_plugin.pseudo_labels.propagate import point_values
 from rm3d_plugin.pseudo_labels.survey import RegionSurvey, survey_regions
 from rm3d_plugin.regions import MergeLedger
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.structures import Boxes3D, PseudoLabels
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
 
 Seeds = Literal['none', 'revealed']
 
@@ -119,6 +123,31 @@ class PointLabeler(BaseLabeler):
             return MergeLedger.from_arrays(self.store.read_ledger(scene_id, 0)).known['probabilities']
         return region_prior(scene, weak.semantic, self.survey.lengths, self.survey.examples, self.strategy)
 
+    @cached_property
+    def ground(self) -> GroundKnowledge | None:
+        """What level ground looks like, where the strategy asks for it and enough is revealed."""
+        if self.strategy.level_regions is None or self.strategy.level_looks == 'none':
+            return None
+        return survey_ground(self._level_scenes, self.strategy.level_looks == 'driving')
+
+    def _level_scenes(self) -> Iterator[LevelScene]:
+        for scene_id in tqdm(self.index_of, desc='what level ground looks like', leave=False):
+            scene = self.prepared(scene_id)
+            yield scene.cloud, self._level_points(scene), self.weak(scene_id).semantic
+
+    def _level_points(self, scene: PreparedScene) -> Bool[np.ndarray, ' points']:
+        return point_values(level_regions(scene.graph, self.strategy.level_regions), scene.regions.labels, False)
+
+    def _ground_labels(self, number: int, scene_id: str, scene: PreparedScene, weak: WeakLabels) -> LevelLabels | None:
+        """What the level points of a scene are by their looks; what the first round found stays."""
+        if self.ground is None:
+            return None
+        level = self._level_points(scene)
+        if not number:
+            return self.ground.labels(scene.cloud, level, weak.semantic, len(self.source.classes))
+        first = self.store.read(scene_id, 0)
+        return LevelLabels(np.where(level, first.semantic, UNLABELLED), np.where(level, first.confidence, 0.0))
+
     def inform(self, model: Any) -> None:
         """Tell the model how often each class is revealed, where it asks for it."""
         if hasattr(model, 'set_class_counts'):
@@ -144,6 +173,7 @@ class PointLabeler(BaseLabeler):
             tuple(self.source.thing_classes),
             None if self.strategy.spread_extent is None else self.survey.lengths,
             self._prior(number, scene_id, scene, weak),
+            self._ground_labels(number, scene_id, scene, weak),
         )
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 

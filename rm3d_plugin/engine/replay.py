@@ -48,6 +48,7 @@ FIXED = (
     'missing_points',
     'new_instances',
     'level_regions',
+    'level_looks',
     'level_reach',
     'hold_in',
     'hold_in_margin',

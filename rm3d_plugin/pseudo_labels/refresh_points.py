@@ -14,7 +14,7 @@ from rm3d_plugin.pseudo_labels.draft import (
     overlay,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.level import level_labels, level_regions
+from rm3d_plugin.pseudo_labels.level import LevelLabels, level_labels, level_regions
 from rm3d_plugin.pseudo_labels.propagate import confident_parts, nearest_instances, point_values
 from rm3d_plugin.pseudo_labels.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.spread import (
@@ -44,6 +44,7 @@ def refresh_points(
     thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...] = (),
     class_lengths: Float[np.ndarray, ' classes'] | None = None,
     prior: Float[np.ndarray, 'regions classes'] | None = None,
+    ground: LevelLabels | None = None,
 ) -> RefreshResult:
     """Point labels of one scene of a segmentation run: classes and instances, no boxes.
 
@@ -52,7 +53,7 @@ def refresh_points(
     ``strategy.spread_color``, and what is said of a region too long for its class, see
     ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
     On level regions the nearest revealed points, later with the network, name each point, and not the region
-    (``strategy.level_regions``).
+    (``strategy.level_regions``), or ``ground`` does.
     Other groups take the class that the network (and the ``prior``) gives them with confidence, and are one instance
     each, or none (``strategy.new_instances``).
 
@@ -72,6 +73,7 @@ def refresh_points(
             ``strategy.spread_extent``; NaN where unknown.
         prior: (R, C) what the regions may be by looks and place, with which the softmax is multiplied; in the first
             round it stands alone. None: the network alone is asked. See :mod:`~rm3d_plugin.pseudo_labels.prior`.
+        ground: What the points of level regions are, where it is known by their looks.
 
     Raises:
         ValueError: A row count does not fit.
@@ -82,8 +84,9 @@ def refresh_points(
     counts = np.asarray(class_counts)
     spread = _that_spread(truth, regions, graph, class_lengths, strategy)
     level = point_values(level_regions(graph, strategy.level_regions), regions.labels, False)
-    level &= bool((level & (spread.semantic >= 0)).any())
-    named = level_labels(xyz, level, spread.semantic, probabilities, strategy.level_reach)
+    if ground is None:
+        level &= bool((level & (spread.semantic >= 0)).any())
+        ground = level_labels(xyz, level, spread.semantic, probabilities, strategy.level_reach)
     spread = _silent(spread, level)
     grouped = group_regions(
         prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts, None, prior
@@ -93,7 +96,7 @@ def refresh_points(
     draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, previous, strategy)
     draft = overlay(draft, level, UNLABELLED, 0.0)  # their points are named one by one
     draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
-    draft = overlay(draft, named.classes >= 0, *named)
+    draft = overlay(draft, ground.classes >= 0, *ground)
     draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
     instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes, strategy.new_instances)
     labels = PseudoLabels(

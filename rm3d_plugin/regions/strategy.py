@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 Thresholds = Literal['normalised', 'literal']
 Pooling = Literal['mean', 'max']
 MixedRegions = Literal['majority', 'nearest']
+LevelLooks = Literal['none', 'standing', 'driving']
 
 
 class TermWeights(NamedTuple):
@@ -90,6 +91,10 @@ class MergeStrategy:
             them takes the class of the nearest revealed one, with differences of height, as of a kerb, counted more,
             and after the first round, anew in each, what the network and those distances say together (see
             :mod:`rm3d_plugin.pseudo_labels.level`). Smaller: slopes too. None: no region is so. Segmentation only.
+        level_looks: How level points look, too, and what revealed ones of all scenes teach of that, names them, in the
+            first round and for good (see :mod:`rm3d_plugin.pseudo_labels.level_ground`); where hardly any are revealed
+            it is as without. 'driving': the sensor travels along x, as on vehicles, and streets run that way;
+            'standing': nothing is known of that; 'none': looks do not count. Segmentation only.
         level_reach: Metres up to which a revealed point names level points in the first round. Larger: more and less
             pure labels. None: no limit.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
@@ -136,6 +141,7 @@ class MergeStrategy:
     missing_points: float | None = None
     new_instances: bool = True
     level_regions: float | None = None
+    level_looks: LevelLooks = 'none'
     level_reach: float | None = None
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
@@ -158,6 +164,7 @@ class MergeStrategy:
             self._check(name, limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
         level = self.level_regions
         self._check('level_regions', level is None or 0 <= level <= 1, 'in [0, 1], or None')
+        self._check('level_looks', self.level_looks in get_args(LevelLooks), f'one of {get_args(LevelLooks)}')
         self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
         self._check('quota', self.quota is None or 0 < self.quota <= 1, 'a share in (0, 1], or None')

@@ -1,0 +1,120 @@
+"""Level ground by its looks: revealed points of all scenes teach what road, pavement and grass look like.
+
+In each scene what the looks say is weighed with how near its own revealed points lie. This needs no network, so it
+names ground in the first round already.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Int
+from scipy.spatial import cKDTree
+
+from rm3d_plugin.pseudo_labels.kernel_classes import KernelClasses, fit_kernel_classes, scaling_of
+from rm3d_plugin.pseudo_labels.level import FAR, LevelLabels
+from rm3d_plugin.pseudo_labels.level_looks import UsualStrength, level_looks, usual_strength
+from rm3d_plugin.pseudo_labels.prior import faded
+from rm3d_plugin.structures import UNLABELLED, PointCloud
+
+PLANE_STEP = 0.06  # m above the plane of the ground that count as a metre sideways
+ALONG = 0.07  # m sideways that a metre along the street counts
+MOST_EXAMPLES = 300  # of a class
+LEAST_EXAMPLES = 100  # of all classes: fewer do not tell what ground looks like
+SAMPLE = 200000  # points of all scenes that stand for the others
+
+LevelScene = tuple[PointCloud, Bool[np.ndarray, ' points'], Int[np.ndarray, ' points']]
+
+
+class GroundKnowledge(NamedTuple):
+    """What the revealed level points of all scenes say of level ground anywhere.
+
+    Attributes:
+        usual: Return strength by range.
+        classes: Taught by revealed points.
+        heading: See :func:`~rm3d_plugin.pseudo_labels.level_looks.level_looks`.
+    """
+
+    usual: UsualStrength
+    classes: KernelClasses
+    heading: bool
+
+    def labels(
+        self,
+        cloud: PointCloud,
+        level: Bool[np.ndarray, ' points'],
+        true_labels: Int[np.ndarray, ' points'],
+        count: int,
+    ) -> LevelLabels:
+        """The class of each level point of a scene, by its looks and by how near revealed points of the classes lie.
+
+        What the looks say of a class is multiplied with what its nearest revealed point, level or not, is worth from
+        there (:func:`~rm3d_plugin.pseudo_labels.prior.faded`, 1 m, at least as at :data:`FAR`). Heights, above the
+        plane of the ground, count 1 / :data:`PLANE_STEP` times; where the heading is known, x counts :data:`ALONG`
+        times. Classes without a revealed point in the scene are not said.
+
+        Args:
+            cloud: Points, metres, z up.
+            level: Points that are asked about.
+            true_labels: True class of each point, -1 = unknown.
+            count: Number of classes.
+        """
+        classes, confidence = np.full(len(level), UNLABELLED, dtype=np.int64), np.zeros(len(level))
+        rows = np.flatnonzero(level)
+        if not len(rows):
+            return LevelLabels(classes, confidence)
+        looks = level_looks(cloud, level, self.usual, self.heading)
+        said = self.classes.shares(looks.rows, count)
+        stretch = np.array([ALONG if self.heading else 1.0, 1.0, 1.0 / PLANE_STEP])
+        where = np.column_stack([cloud.xyz[:, :2], looks.heights]) * stretch
+        shares = np.zeros_like(said)
+        for c in np.unique(true_labels[true_labels >= 0]).tolist():
+            distance, _ = cKDTree(where[true_labels == c]).query(where[rows])
+            shares[:, c] = said[:, c] * faded(np.minimum(distance, FAR), 1.0)
+        total = shares.sum(axis=1)
+        named = total > 0
+        classes[rows[named]] = shares[named].argmax(axis=1)
+        confidence[rows[named]] = shares[named].max(axis=1) / total[named]
+        return LevelLabels(classes, confidence)
+
+
+def survey_ground(scenes: Callable[[], Iterable[LevelScene]], heading: bool) -> GroundKnowledge | None:
+    """Learn from the revealed level points of all scenes; reads every scene twice.
+
+    Args:
+        scenes: Gives points, which of them are level, and their true classes (-1 = unknown), of every scene.
+        heading: See :func:`~rm3d_plugin.pseudo_labels.level_looks.level_looks`.
+
+    Returns:
+        None where fewer than :data:`LEAST_EXAMPLES` level points are revealed.
+    """
+    points = known = 0
+
+    def counted() -> Iterator[tuple[PointCloud, Bool[np.ndarray, ' points']]]:
+        nonlocal points, known
+        for cloud, level, true_labels in scenes():
+            points, known = points + int(level.sum()), known + int((true_labels[level] >= 0).sum())
+            yield cloud, level
+
+    usual = usual_strength(counted())
+    if known < LEAST_EXAMPLES:
+        return None
+    share = max(1, points // SAMPLE)
+    rows: list[np.ndarray] = []
+    labels: list[np.ndarray] = []
+    sample: list[np.ndarray] = []
+    for cloud, level, true_labels in scenes():
+        looks, own = level_looks(cloud, level, usual, heading).rows, true_labels[level]
+        if len(own):
+            rows.append(looks[own >= 0])
+            labels.append(own[own >= 0])
+            sample.append(looks[::share])
+    examples, classes, at_large = np.concatenate(rows), np.concatenate(labels), np.concatenate(sample)
+    kept = np.concatenate([_evenly(np.flatnonzero(classes == c)) for c in np.unique(classes)])
+    taught = fit_kernel_classes(examples[kept], classes[kept], scaling_of(at_large), at_large)
+    return GroundKnowledge(usual, taught, heading)
+
+
+def _evenly(rows: Int[np.ndarray, ' rows']) -> Int[np.ndarray, ' kept']:
+    """At most :data:`MOST_EXAMPLES` rows, evenly chosen."""
+    return rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_EXAMPLES)).astype(np.int64)]

@@ -1,0 +1,163 @@
+"""What level ground looks like, point by point: how bright, how rough, and what lies higher or brighter beside it."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from rm3d_plugin.structures import PointCloud
+
+CELL = 0.25  # m of the grid, seen from above, on which neighbourhoods are taken
+SCALES = (0.25, 0.5, 1.0, 2.0, 4.0)  # m, deviation of the neighbourhoods' Gaussians
+ROUGH_SCALES = SCALES[1:4]
+SIDE_SCALE = SCALES[1]
+SIDES = (0.75, 1.5, 2.5, 4.0)  # m to both sides
+WIDEST = 30.0  # m from the path, from which on all is far
+PLANE_NOISE = 0.1  # m
+RANGES = np.concatenate([[0.0], np.arange(3.0, 31.0), [33, 36, 40, 45, 50, 60, 80, np.inf]])  # m
+_LEAST_IN_RANGE = 50  # points
+_TRUNCATE = 2.5  # deviations
+
+
+class UsualStrength(NamedTuple):
+    """Mean return strength of level points at each range; what falls off with it says nothing of the ground.
+
+    Attributes:
+        ranges: (K,) metres, ascending.
+        strengths: (K,) mean of the points about that far off.
+    """
+
+    ranges: Float[np.ndarray, ' bins']
+    strengths: Float[np.ndarray, ' bins']
+
+
+def strength_of(cloud: PointCloud) -> Float[np.ndarray, ' points'] | None:
+    """Intensity, else the mean of the colours; None: neither is there."""
+    if cloud.intensity is not None:
+        return cloud.intensity.astype(np.float64)
+    return None if cloud.colors is None else cloud.colors.mean(axis=1, dtype=np.float64)
+
+
+def usual_strength(scenes: Iterable[tuple[PointCloud, Bool[np.ndarray, ' points']]]) -> UsualStrength:
+    """Mean strength by range over all scenes.
+
+    Args:
+        scenes: Points of each, and which of them are level.
+    """
+    counts, totals, away = (np.zeros(len(RANGES) - 1) for _ in range(3))
+    for cloud, level in scenes:
+        strength = strength_of(cloud)
+        if strength is None:
+            continue
+        ranges = np.linalg.norm(_seen_from_sensor(cloud)[level], axis=1)
+        for total, weights in ((counts, None), (totals, strength[level]), (away, ranges)):
+            total += np.histogram(ranges, RANGES, weights=weights)[0]
+    told = counts >= _LEAST_IN_RANGE
+    return UsualStrength(away[told] / counts[told], totals[told] / counts[told])
+
+
+class LevelLooks(NamedTuple):
+    """Looks of the level points of a scene.
+
+    Attributes:
+        rows: (L, F) one a level point.
+        heights: (N,) metres of all points above the plane through most level ones.
+    """
+
+    rows: Float[np.ndarray, 'level features']
+    heights: Float[np.ndarray, ' points']
+
+
+def level_looks(
+    cloud: PointCloud, level: Bool[np.ndarray, ' points'], usual: UsualStrength, heading: bool
+) -> LevelLooks:
+    """Brightness, range, distance from the path; means, deviations and heights around; differences to both sides.
+
+    Brightness is the strength over what is usual at that range, less 1 (0 where a scan has none). Neighbourhoods are
+    Gaussian, on a grid seen from above, and know level points only.
+
+    Args:
+        cloud: Points of a scene, metres, z up. Where the sensor is unknown the origin stands for it.
+        level: Points that are asked about.
+        usual: See :func:`usual_strength`.
+        heading: Whether the sensor travels along x, as on vehicles: then sides are those of its path, else towards the
+            sensor and away from it.
+    """
+    xyz = _seen_from_sensor(cloud)
+    heights = _above_plane(xyz, xyz[level])
+    x, y, _ = own = xyz[level].T
+    ranges, z = np.linalg.norm(own, axis=0), heights[level]
+    if not len(z):
+        return LevelLooks(np.zeros((0, 0), dtype=np.float32), heights)
+    bright = _brightness(cloud, level, ranges, usual)
+    grid = _Grid(np.column_stack([x, y]))
+    sums = [grid.sums(values) for values in (np.ones(len(z)), bright, z, bright**2, z**2)]
+    aside = np.abs(y) if heading else np.hypot(x, y)
+    columns = [bright, np.log(np.maximum(ranges, 1e-3)), np.minimum(aside, WIDEST)]
+    for scale in SCALES:
+        blurred = [gaussian_filter(one, scale / CELL, truncate=_TRUNCATE, mode='constant') for one in sums]
+        mass, *means = (one[grid.rows] for one in blurred)
+        mean, height, squares, z_squares = (part / np.maximum(mass, 1e-9) for part in means)
+        columns += [mean, _deviation(squares, mean), z - height]
+        if scale in ROUGH_SCALES:
+            columns.append(np.minimum(_deviation(z_squares, height), 0.3))
+        if scale == SIDE_SCALE:
+            columns.append(np.log(mass + 1e-3))
+            beside = blurred[:3]
+    outward = np.stack([np.zeros_like(y), np.where(y >= 0, 1.0, -1.0)]) if heading else own[:2] / np.maximum(aside, 0.1)
+    for distance in (step for side in SIDES for step in (side, -side)):
+        mass, mean, height = (grid.between(one, own[:2] + distance * outward) for one in beside)
+        there = mass > 0.02
+        for total, zero in ((height, z), (mean, 0.0)):
+            columns.append(np.where(there, total / np.where(there, mass, 1.0) - zero, 0.0).clip(-0.5, 0.5))
+    return LevelLooks(np.stack(columns, axis=1).astype(np.float32), heights)
+
+
+class _Grid:
+    """Cells over level points, seen from above."""
+
+    def __init__(self, xy: Float[np.ndarray, 'level 2']) -> None:
+        self.low = xy.min(axis=0) - 1.0
+        self.shape = tuple(((xy.max(axis=0) + 1.0 - self.low) / CELL).astype(int) + 1)
+        self.rows: tuple[Int[np.ndarray, ' level'], ...] = tuple(((xy - self.low) / CELL).astype(int).T)
+
+    def sums(self, values: Float[np.ndarray, ' level']) -> Float[np.ndarray, 'x y']:
+        cells = np.ravel_multi_index(self.rows, self.shape)
+        return np.bincount(cells, values, minlength=int(np.prod(self.shape))).reshape(self.shape)
+
+    def between(self, grid: Float[np.ndarray, 'x y'], xy: Float[np.ndarray, '2 level']) -> Float[np.ndarray, ' level']:
+        """Values between the middles of the cells; 0 outside."""
+        return np.asarray(map_coordinates(grid, (xy - self.low[:, None]) / CELL - 0.5, order=1))
+
+
+def _seen_from_sensor(cloud: PointCloud) -> Float[np.ndarray, 'points 3']:
+    xyz = cloud.xyz.astype(np.float64)
+    return xyz if cloud.sensor is None else xyz - np.asarray(cloud.sensor)
+
+
+def _above_plane(
+    xyz: Float[np.ndarray, 'points 3'], level: Float[np.ndarray, 'level 3']
+) -> Float[np.ndarray, ' points']:
+    """Height above a plane through most level points (least squares, reweighted for Cauchy noise)."""
+    if not len(level):
+        return xyz[:, 2]
+    columns, weights = np.column_stack([level[:, :2], np.ones(len(level))]), np.ones(len(level))
+    for _ in range(8):
+        plane = np.linalg.lstsq(columns * weights[:, None], level[:, 2] * weights)[0]
+        weights = 1.0 / (1.0 + ((level[:, 2] - columns @ plane) / PLANE_NOISE) ** 2)
+    return np.asarray(xyz[:, 2] - xyz[:, :2] @ plane[:2] - plane[2])
+
+
+def _brightness(
+    cloud: PointCloud, level: Bool[np.ndarray, ' points'], ranges: Float[np.ndarray, ' level'], usual: UsualStrength
+) -> Float[np.ndarray, ' level']:
+    strength = strength_of(cloud)
+    if strength is None or not len(usual.ranges):
+        return np.zeros(len(ranges))
+    return strength[level] / np.maximum(np.interp(ranges, usual.ranges, usual.strengths), 1e-6) - 1.0
+
+
+def _deviation(squares: Float[np.ndarray, ' level'], mean: Float[np.ndarray, ' level']) -> Float[np.ndarray, ' level']:
+    return np.sqrt(np.maximum(squares - mean**2, 0.0))
