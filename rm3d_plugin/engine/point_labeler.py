@@ -111,7 +111,7 @@ class PointLabeler(BaseLabeler):
     def survey(self) -> RegionSurvey:
         """What the labelled regions of all scenes have in common."""
         scenes = ((self.prepared(scene), self.weak(scene).semantic) for scene in self.index_of)
-        return survey_regions(scenes, len(self.source.classes), self.strategy.spread_extent, self.strategy.region_prior)
+        return survey_regions(scenes, len(self.source.classes), self.strategy)
 
     def _prior(
         self, number: int, scene_id: str, scene: PreparedScene, weak: WeakLabels
@@ -121,14 +121,14 @@ class PointLabeler(BaseLabeler):
             return None
         if number:
             return MergeLedger.from_arrays(self.store.read_ledger(scene_id, 0)).known['probabilities']
-        return region_prior(scene, weak.semantic, self.survey.lengths, self.survey.examples, self.strategy)
+        return region_prior(scene, weak.semantic, self.survey.lengths, self.survey.looks, self.strategy)
 
     @cached_property
     def ground(self) -> GroundKnowledge | None:
         """What level ground looks like, where the strategy asks for it and enough is revealed."""
-        if self.strategy.level_regions is None or self.strategy.level_looks == 'none':
+        if self.strategy.level_regions is None or not self.strategy.level_looks:
             return None
-        return survey_ground(self._level_scenes, self.strategy.level_looks == 'driving')
+        return survey_ground(self._level_scenes, self.strategy.heading)
 
     def _level_scenes(self) -> Iterator[LevelScene]:
         for scene_id in tqdm(self.index_of, desc='what level ground looks like', leave=False):

@@ -43,6 +43,8 @@ FIXED = (
     'spread_color',
     'spread_extent',
     'region_prior',
+    'prior_looks',
+    'heading',
     'prior_scale',
     'network_power',
     'missing_points',

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from rm3d_plugin.pseudo_labels.prior import faded
+from rm3d_plugin.pseudo_labels.places import faded
 from rm3d_plugin.pseudo_labels.propagate import seen_rows
 from rm3d_plugin.structures import UNLABELLED, RegionGraph
 
@@ -41,7 +41,7 @@ def level_labels(
     """The class of each level point: the nearest revealed one's, or what a network and the distances say together.
 
     Heights count 1 / :data:`STEP` times. With a network each class has its probability times what its nearest revealed
-    level point is worth from there (:func:`~rm3d_plugin.pseudo_labels.prior.faded`, 1 m), at least as at :data:`FAR`;
+    level point is worth from there (:func:`~rm3d_plugin.pseudo_labels.places.faded`, 1 m), at least as at :data:`FAR`;
     classes without any are not said.
 
     Args:

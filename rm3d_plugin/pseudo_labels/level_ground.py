@@ -8,17 +8,24 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from rm3d_plugin.pseudo_labels.kernel_classes import KernelClasses, fit_kernel_classes, scaling_of
+from rm3d_plugin.pseudo_labels.kernel_classes import (
+    KernelClasses,
+    class_frequencies,
+    evenly_chosen,
+    fit_kernel_classes,
+    scaling_of,
+)
 from rm3d_plugin.pseudo_labels.level import FAR, LevelLabels
 from rm3d_plugin.pseudo_labels.level_looks import UsualStrength, level_looks, usual_strength
-from rm3d_plugin.pseudo_labels.prior import faded
+from rm3d_plugin.pseudo_labels.places import faded
 from rm3d_plugin.structures import UNLABELLED, PointCloud
 
 PLANE_STEP = 0.06  # m above the plane of the ground that count as a metre sideways
 ALONG = 0.07  # m sideways that a metre along the street counts
+LENGTH = 1.5  # of the kernel between looks
 MOST_EXAMPLES = 300  # of a class
 LEAST_EXAMPLES = 100  # of all classes: fewer do not tell what ground looks like
 SAMPLE = 200000  # points of all scenes that stand for the others
@@ -32,11 +39,13 @@ class GroundKnowledge(NamedTuple):
     Attributes:
         usual: Return strength by range.
         classes: Taught by revealed points.
+        frequencies: (K,) how frequent ``classes.classes`` are among level points.
         heading: See :func:`~rm3d_plugin.pseudo_labels.level_looks.level_looks`.
     """
 
     usual: UsualStrength
     classes: KernelClasses
+    frequencies: Float[np.ndarray, ' classes']
     heading: bool
 
     def labels(
@@ -49,7 +58,7 @@ class GroundKnowledge(NamedTuple):
         """The class of each level point of a scene, by its looks and by how near revealed points of the classes lie.
 
         What the looks say of a class is multiplied with what its nearest revealed point, level or not, is worth from
-        there (:func:`~rm3d_plugin.pseudo_labels.prior.faded`, 1 m, at least as at :data:`FAR`). Heights, above the
+        there (:func:`~rm3d_plugin.pseudo_labels.places.faded`, 1 m, at least as at :data:`FAR`). Heights, above the
         plane of the ground, count 1 / :data:`PLANE_STEP` times; where the heading is known, x counts :data:`ALONG`
         times. Classes without a revealed point in the scene are not said.
 
@@ -65,6 +74,7 @@ class GroundKnowledge(NamedTuple):
             return LevelLabels(classes, confidence)
         looks = level_looks(cloud, level, self.usual, self.heading)
         said = self.classes.shares(looks.rows, count)
+        said[:, self.classes.classes] *= self.frequencies
         stretch = np.array([ALONG if self.heading else 1.0, 1.0, 1.0 / PLANE_STEP])
         where = np.column_stack([cloud.xyz[:, :2], looks.heights]) * stretch
         shares = np.zeros_like(said)
@@ -110,11 +120,7 @@ def survey_ground(scenes: Callable[[], Iterable[LevelScene]], heading: bool) -> 
             labels.append(own[own >= 0])
             sample.append(looks[::share])
     examples, classes, at_large = np.concatenate(rows), np.concatenate(labels), np.concatenate(sample)
-    kept = np.concatenate([_evenly(np.flatnonzero(classes == c)) for c in np.unique(classes)])
-    taught = fit_kernel_classes(examples[kept], classes[kept], scaling_of(at_large), at_large)
-    return GroundKnowledge(usual, taught, heading)
-
-
-def _evenly(rows: Int[np.ndarray, ' rows']) -> Int[np.ndarray, ' kept']:
-    """At most :data:`MOST_EXAMPLES` rows, evenly chosen."""
-    return rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_EXAMPLES)).astype(np.int64)]
+    kept = evenly_chosen(classes, MOST_EXAMPLES)
+    taught = fit_kernel_classes(examples[kept], classes[kept], scaling_of(at_large), LENGTH)
+    frequencies = class_frequencies(taught.shares(at_large, int(classes.max()) + 1)[:, taught.classes])
+    return GroundKnowledge(usual, taught, frequencies, heading)

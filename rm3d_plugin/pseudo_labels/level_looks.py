@@ -40,22 +40,49 @@ def strength_of(cloud: PointCloud) -> Float[np.ndarray, ' points'] | None:
     return None if cloud.colors is None else cloud.colors.mean(axis=1, dtype=np.float64)
 
 
+def seen_from_sensor(cloud: PointCloud) -> Float[np.ndarray, 'points 3']:
+    """Points less the place of the sensor; where that is unknown the origin stands for it."""
+    xyz = cloud.xyz.astype(np.float64)
+    return xyz if cloud.sensor is None else xyz - np.asarray(cloud.sensor)
+
+
 def usual_strength(scenes: Iterable[tuple[PointCloud, Bool[np.ndarray, ' points']]]) -> UsualStrength:
     """Mean strength by range over all scenes.
 
     Args:
         scenes: Points of each, and which of them are level.
     """
-    counts, totals, away = (np.zeros(len(RANGES) - 1) for _ in range(3))
+    sums = np.zeros((3, len(RANGES) - 1))
     for cloud, level in scenes:
         strength = strength_of(cloud)
-        if strength is None:
-            continue
-        ranges = np.linalg.norm(_seen_from_sensor(cloud)[level], axis=1)
-        for total, weights in ((counts, None), (totals, strength[level]), (away, ranges)):
-            total += np.histogram(ranges, RANGES, weights=weights)[0]
-    told = counts >= _LEAST_IN_RANGE
-    return UsualStrength(away[told] / counts[told], totals[told] / counts[told])
+        if strength is not None:
+            sums += strength_sums(np.linalg.norm(seen_from_sensor(cloud)[level], axis=1), strength[level])
+    return usual_of(sums)
+
+
+def strength_sums(
+    ranges: Float[np.ndarray, ' rows'],
+    strengths: Float[np.ndarray, ' rows'],
+    sizes: Int[np.ndarray, ' rows'] | None = None,
+) -> Float[np.ndarray, '3 bins']:
+    """Points, sum of their strengths, and of their ranges, by :data:`RANGES`; rows of ``sizes`` points, or of one."""
+    weights = np.ones(len(ranges)) if sizes is None else sizes
+    return np.stack(
+        [np.histogram(ranges, RANGES, weights=w)[0] for w in (weights, weights * strengths, weights * ranges)]
+    )
+
+
+def usual_of(sums: Float[np.ndarray, '3 bins']) -> UsualStrength:
+    """The means of :func:`strength_sums`, where they are of some points."""
+    counts, strengths, ranges = sums[:, sums[0] >= _LEAST_IN_RANGE]
+    return UsualStrength(ranges / counts, strengths / counts)
+
+
+def brightness(
+    strengths: Float[np.ndarray, ' rows'], ranges: Float[np.ndarray, ' rows'], usual: UsualStrength
+) -> Float[np.ndarray, ' rows']:
+    """Strength over what is usual at that range."""
+    return strengths / np.maximum(np.interp(ranges, usual.ranges, usual.strengths), 1e-6)
 
 
 class LevelLooks(NamedTuple):
@@ -85,13 +112,16 @@ def level_looks(
         heading: Whether the sensor travels along x, as on vehicles: then sides are those of its path, else towards the
             sensor and away from it.
     """
-    xyz = _seen_from_sensor(cloud)
+    xyz = seen_from_sensor(cloud)
     heights = _above_plane(xyz, xyz[level])
     x, y, _ = own = xyz[level].T
     ranges, z = np.linalg.norm(own, axis=0), heights[level]
     if not len(z):
         return LevelLooks(np.zeros((0, 0), dtype=np.float32), heights)
-    bright = _brightness(cloud, level, ranges, usual)
+    strength = strength_of(cloud)
+    bright = np.zeros(len(z))
+    if strength is not None and len(usual.ranges):
+        bright = brightness(strength[level], ranges, usual) - 1.0
     grid = _Grid(np.column_stack([x, y]))
     sums = [grid.sums(values) for values in (np.ones(len(z)), bright, z, bright**2, z**2)]
     aside = np.abs(y) if heading else np.hypot(x, y)
@@ -132,11 +162,6 @@ class _Grid:
         return np.asarray(map_coordinates(grid, (xy - self.low[:, None]) / CELL - 0.5, order=1))
 
 
-def _seen_from_sensor(cloud: PointCloud) -> Float[np.ndarray, 'points 3']:
-    xyz = cloud.xyz.astype(np.float64)
-    return xyz if cloud.sensor is None else xyz - np.asarray(cloud.sensor)
-
-
 def _above_plane(
     xyz: Float[np.ndarray, 'points 3'], level: Float[np.ndarray, 'level 3']
 ) -> Float[np.ndarray, ' points']:
@@ -148,15 +173,6 @@ def _above_plane(
         plane = np.linalg.lstsq(columns * weights[:, None], level[:, 2] * weights)[0]
         weights = 1.0 / (1.0 + ((level[:, 2] - columns @ plane) / PLANE_NOISE) ** 2)
     return np.asarray(xyz[:, 2] - xyz[:, :2] @ plane[:2] - plane[2])
-
-
-def _brightness(
-    cloud: PointCloud, level: Bool[np.ndarray, ' points'], ranges: Float[np.ndarray, ' level'], usual: UsualStrength
-) -> Float[np.ndarray, ' level']:
-    strength = strength_of(cloud)
-    if strength is None or not len(usual.ranges):
-        return np.zeros(len(ranges))
-    return strength[level] / np.maximum(np.interp(ranges, usual.ranges, usual.strengths), 1e-6) - 1.0
 
 
 def _deviation(squares: Float[np.ndarray, ' level'], mean: Float[np.ndarray, ' level']) -> Float[np.ndarray, ' level']:

@@ -14,7 +14,7 @@ NEIGHBORS = 10  # labelled regions that are asked
 BANDWIDTH = 0.15  # squared distance at which a labelled region counts 1 / e
 DOUBT = 0.1  # votes that each class has for nothing, so that far neighbours alone convince no one
 DESCRIPTOR_WEIGHT = 0.5  # of the squared distance of descriptors, against 1 of shape and height
-_SHAPE_COLUMNS = 7
+SHAPE_COLUMNS = 7
 
 
 class RegionExamples(NamedTuple):
@@ -46,7 +46,7 @@ def region_looks(cloud: PointCloud, regions: Regions, graph: RegionGraph) -> Flo
     """
     count = len(regions)
     if count == 0:
-        return np.zeros((0, _SHAPE_COLUMNS + graph.descriptors.shape[1]))
+        return np.zeros((0, SHAPE_COLUMNS + graph.descriptors.shape[1]))
     z, order = cloud.xyz[:, 2].astype(np.float64), regions.indices
     floor = np.percentile(z, 1)
     low = np.minimum.reduceat(z[order], regions.offsets[:-1]) - floor
@@ -82,8 +82,8 @@ def collect_examples(
         return None
     middle = total / count
     deviation = np.sqrt(np.maximum(squares / count - np.square(middle), 0.0))
-    rest = max(len(middle) - _SHAPE_COLUMNS, 1)
-    share = np.where(np.arange(len(middle)) < _SHAPE_COLUMNS, 1 / _SHAPE_COLUMNS, DESCRIPTOR_WEIGHT / rest)
+    rest = max(len(middle) - SHAPE_COLUMNS, 1)
+    share = np.where(np.arange(len(middle)) < SHAPE_COLUMNS, 1 / SHAPE_COLUMNS, DESCRIPTOR_WEIGHT / rest)
     told = deviation > 1e-6 * (1.0 + np.abs(middle))  # a column that is the same everywhere tells nothing
     scale = np.where(told, np.sqrt(share) / np.where(told, deviation, 1.0), 0.0)
     return RegionExamples((np.concatenate(looks) - middle) * scale, np.concatenate(classes), middle, scale)

@@ -2,82 +2,18 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from rm3d_plugin.pseudo_labels.looks import RegionExamples, looks_shares, region_looks
+from rm3d_plugin.pseudo_labels.places import nearness, revealed_distances
 from rm3d_plugin.pseudo_labels.propagate import Pooled
+from rm3d_plugin.pseudo_labels.region_knowledge import RegionKnowledge
 from rm3d_plugin.pseudo_labels.spread import seeded_regions
 from rm3d_plugin.regions import MergeStrategy
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.structures import Regions
 
-FADING = 1.5  # how fast the word of a revealed point fades
-SAMPLE = 32  # points of a region whose distance is measured
 OTHER_COLOR = 0.05  # likeness that is left between quite different colours
-
-
-def revealed_distances(
-    xyz: Float[np.ndarray, 'points 3'], regions: Regions, true_labels: Int[np.ndarray, ' points'], count: int
-) -> Float[np.ndarray, 'regions classes']:
-    """Mean distance of the points of each region to the nearest revealed point of each class.
-
-    Of a large region some points, evenly chosen, stand for all.
-
-    Args:
-        xyz: Metres.
-        regions: Partition of the same points.
-        true_labels: True class of each point, -1 = unknown.
-        count: Number of classes.
-
-    Returns:
-        (R, C) metres; infinite for classes of which the scene holds no revealed point.
-    """
-    out = np.full((len(regions), count), np.inf)
-    if not len(regions):
-        return out
-    steps = np.linspace(0, regions.sizes - 1, SAMPLE, axis=1).astype(np.int64)
-    sample = xyz[regions.indices[regions.offsets[:-1, None] + steps]]
-    for c in np.unique(true_labels[true_labels >= 0]).tolist():
-        distance, _ = cKDTree(xyz[true_labels == c]).query(sample)
-        out[:, c] = distance.mean(axis=1)
-    return out
-
-
-def faded(distance: Float[np.ndarray, '*any'], scale: float) -> Float[np.ndarray, '*any']:
-    """What the word of a revealed point is worth so far away: (1 + distance / scale) ^ -:data:`FADING`.
-
-    Args:
-        distance: Metres; infinite: 0.
-        scale: Metres at which it has begun to fade.
-    """
-    return np.asarray((1.0 + distance / scale) ** -FADING)
-
-
-def nearness(
-    distance: Float[np.ndarray, 'regions classes'], lengths: Float[np.ndarray, ' classes'], scale: float | None
-) -> Float[np.ndarray, 'regions classes']:
-    """What the word of the nearest revealed points of each class is worth at a region.
-
-    With a scale it fades slowly (:func:`faded`), as small things of a class stand anywhere. Without, it is
-    exp(-distance / length) / sqrt(length) with the usual length of the class's regions: most points belong to a thing
-    of which one was revealed, and what is long, as a floor, says less of each place.
-
-    Args:
-        distance: See :func:`revealed_distances`.
-        lengths: (C,) metres, how long regions of each class usually are; NaN, unknown: the median of the others.
-        scale: Metres, or None.
-
-    Returns:
-        (R, C) not negative; 0 at infinite distance, but 1 for all classes where the scene holds no revealed point.
-    """
-    if not np.isfinite(distance).any():
-        return np.ones_like(distance)
-    if scale is not None:
-        return faded(distance, scale)
-    known = np.isfinite(lengths)
-    reach = np.where(known, lengths, np.median(lengths[known]) if known.any() else 1.0)
-    return np.asarray(np.exp(-distance / reach) / np.sqrt(reach))
 
 
 def color_likeness(
@@ -130,28 +66,32 @@ def region_prior(
     scene: PreparedScene,
     true_labels: Int[np.ndarray, ' points'],
     lengths: Float[np.ndarray, ' classes'],
-    examples: RegionExamples | None,
+    looks: RegionExamples | RegionKnowledge | None,
     strategy: MergeStrategy,
 ) -> Float[np.ndarray, 'regions classes']:
-    """The product of :func:`looks_shares`, :func:`nearness` and :func:`color_likeness`, each where it can be told.
+    """What places and looks say, multiplied.
 
-    It is 0 for all classes in :func:`classless_regions`.
+    That is :func:`~rm3d_plugin.pseudo_labels.places.nearness` and :class:`RegionKnowledge`, or else
+    :func:`looks_shares` and :func:`color_likeness`, each where it can be told. It is 0 for all classes in
+    :func:`classless_regions`.
 
     Args:
         scene: Points, regions and their graph.
         true_labels: True class of each point, -1 = unknown.
-        lengths: See :func:`nearness`.
-        examples: Labelled regions of all scenes, or None where there are none.
+        lengths: See :func:`~rm3d_plugin.pseudo_labels.places.nearness`.
+        looks: What labelled regions of all scenes say, or None where there are none.
         strategy: Says how far places and colours (or intensities) may differ.
     """
     cloud, regions, graph, count = scene.cloud, scene.regions, scene.graph, len(lengths)
     distance = revealed_distances(cloud.xyz, regions, true_labels, count)
     prior = nearness(distance, lengths, strategy.prior_scale)
-    if graph.colors is not None:
+    if isinstance(looks, RegionKnowledge):
+        prior = prior * looks.shares(scene)
+    elif graph.colors is not None:
         sigma = strategy.color_sigma if graph.colors.shape[1] == 3 else strategy.intensity_sigma
         prior = prior * color_likeness(graph.colors, regions.labels, true_labels, sigma, count)
-    if examples is not None:
-        prior = prior * looks_shares(region_looks(cloud, regions, graph), examples, count)
+    if isinstance(looks, RegionExamples):
+        prior = prior * looks_shares(region_looks(cloud, regions, graph), looks, count)
     prior[classless_regions(regions, true_labels, strategy.missing_points)] = 0.0
     return prior
 

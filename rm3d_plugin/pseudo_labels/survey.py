@@ -7,7 +7,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.looks import LEAST_POINTS, RegionExamples, collect_examples, region_looks
+from rm3d_plugin.pseudo_labels.region_knowledge import RegionCollector, RegionKnowledge
 from rm3d_plugin.pseudo_labels.spread import SeededRegions, seeded_regions, usual_lengths
+from rm3d_plugin.regions import MergeStrategy
 from rm3d_plugin.regions.features import region_lengths
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.structures import UNLABELLED
@@ -18,42 +20,48 @@ class RegionSurvey(NamedTuple):
 
     Attributes:
         lengths: (C,) metres, how long the regions of each class's true labels usually are; NaN: unknown.
-        examples: Labelled regions, none of which is too long for its class; None: there are none, or nobody asked.
+        looks: What labelled regions look like; None: there are none, or nobody asked.
     """
 
     lengths: Float[np.ndarray, ' classes']
-    examples: RegionExamples | None
+    looks: RegionExamples | RegionKnowledge | None
 
 
 def survey_regions(
-    scenes: Iterable[tuple[PreparedScene, Int[np.ndarray, ' points']]], count: int, extent: float | None, looks: bool
+    scenes: Iterable[tuple[PreparedScene, Int[np.ndarray, ' points']]], count: int, strategy: MergeStrategy
 ) -> RegionSurvey:
     """Read every scene once.
 
     Args:
         scenes: Geometry and true class (-1 = unknown) of the points of each.
         count: Number of classes.
-        extent: Regions longer than this many usual lengths of their class are no examples; None: all are.
-        looks: Whether examples are asked for.
+        strategy: Says whether looks are asked for, and of which kind. Regions longer than its ``spread_extent`` usual
+            lengths of their class are no examples, where single examples speak.
     """
     seeds: list[tuple[np.ndarray, np.ndarray]] = []
     own: list[np.ndarray] = []  # length of each example
+    kernel = strategy.region_prior and strategy.prior_looks == 'kernel'
+    collector = RegionCollector(strategy.heading, strategy.level_regions)
 
     def labelled() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         for scene, true_labels in scenes:
             seeded, lengths = seeded_regions(scene.regions.labels, true_labels), region_lengths(scene.graph)
             seeds.append((seeded.classes, lengths[seeded.regions]))
-            if looks:
-                classes = _only_class(seeded, len(lengths))
+            classes = _only_class(seeded, len(lengths))
+            if kernel:
+                collector.add(scene, classes, true_labels, count)
+            elif strategy.region_prior:
                 own.append(lengths[(classes >= 0) & (scene.graph.sizes >= LEAST_POINTS)])
                 yield region_looks(scene.cloud, scene.regions, scene.graph), classes, scene.graph.sizes
 
     examples = collect_examples(labelled())
     classes, lengths = (np.concatenate([np.zeros(0), *part]) for part in zip(*seeds, strict=True))
     usual = usual_lengths(classes, lengths, count)
-    if examples is None or extent is None:
+    if kernel:
+        return RegionSurvey(usual, collector.learn(usual, strategy.prior_scale))
+    if examples is None or strategy.spread_extent is None:
         return RegionSurvey(usual, examples)
-    fit = ~(np.concatenate(own) > usual[examples.classes] * extent)
+    fit = ~(np.concatenate(own) > usual[examples.classes] * strategy.spread_extent)
     left = examples._replace(looks=examples.looks[fit], classes=examples.classes[fit])
     return RegionSurvey(usual, left if fit.any() else None)
 

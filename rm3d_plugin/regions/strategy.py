@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 Thresholds = Literal['normalised', 'literal']
 Pooling = Literal['mean', 'max']
 MixedRegions = Literal['majority', 'nearest']
-LevelLooks = Literal['none', 'standing', 'driving']
+PriorLooks = Literal['neighbors', 'kernel']
 
 
 class TermWeights(NamedTuple):
@@ -74,6 +74,12 @@ class MergeStrategy:
             class of which a scene holds no revealed point is out, which is true of budgets that reveal one of each
             class there is, as all budgets of points here do, and not of clicks that leave out a class. Segmentation
             only.
+        prior_looks: With ``region_prior``: what shapes say. 'neighbors': the most alike labelled regions vote, and
+            colours count. 'kernel': a classifier that labelled regions of all scenes teach says how likely each class
+            is, times how frequent it seems to be; for scenes of one sensor, whose ranges and brightness it sees, and
+            budgets that reveal as many points of each class (see :mod:`rm3d_plugin.pseudo_labels.region_knowledge`).
+        heading: The sensor travels along x, as on vehicles, and streets run that way: how far aside of its path things
+            lie is part of their looks.
         prior_scale: With ``region_prior``: metres at which a revealed point's word has begun to fade, slowly, as suits
             scenes with many small things of a class. None: it fades as fast as regions of its class are short, which
             suits scenes where most things have a revealed point. See
@@ -93,8 +99,7 @@ class MergeStrategy:
             :mod:`rm3d_plugin.pseudo_labels.level`). Smaller: slopes too. None: no region is so. Segmentation only.
         level_looks: How level points look, too, and what revealed ones of all scenes teach of that, names them, in the
             first round and for good (see :mod:`rm3d_plugin.pseudo_labels.level_ground`); where hardly any are revealed
-            it is as without. 'driving': the sensor travels along x, as on vehicles, and streets run that way;
-            'standing': nothing is known of that; 'none': looks do not count. Segmentation only.
+            it is as without. Segmentation only.
         level_reach: Metres up to which a revealed point names level points in the first round. Larger: more and less
             pure labels. None: no limit.
         hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
@@ -136,12 +141,14 @@ class MergeStrategy:
     spread_color: float | None = None
     spread_extent: float | None = None
     region_prior: bool = False
+    prior_looks: PriorLooks = 'neighbors'
+    heading: bool = False
     prior_scale: float | None = None
     network_power: float = 1.0
     missing_points: float | None = None
     new_instances: bool = True
     level_regions: float | None = None
-    level_looks: LevelLooks = 'none'
+    level_looks: bool = False
     level_reach: float | None = None
     hold_in: float = 0.0
     hold_in_margin: float = 0.05
@@ -151,6 +158,7 @@ class MergeStrategy:
             self._check(name, 0 <= getattr(self, name) <= 4, 'a sum of four similarities, in [0, 4]')
         self._check('tau_seed', self.tau_seed >= self.tau_merge, f'at least tau_merge = {self.tau_merge}')
         self._check('thresholds', self.thresholds in get_args(Thresholds), f'one of {get_args(Thresholds)}')
+        self._check('prior_looks', self.prior_looks in get_args(PriorLooks), f'one of {get_args(PriorLooks)}')
         self._check('pooling', self.pooling in get_args(Pooling), f'one of {get_args(Pooling)}')
         self._check('gamma', 0 < self.gamma <= 1, 'a probability in (0, 1]')
         for name in ('lambda_seg', 'lambda_normal', 'lambda_descriptor'):
@@ -164,7 +172,6 @@ class MergeStrategy:
             self._check(name, limit is None or (isfinite(limit) and limit > 0), 'a number > 0, or None')
         level = self.level_regions
         self._check('level_regions', level is None or 0 <= level <= 1, 'in [0, 1], or None')
-        self._check('level_looks', self.level_looks in get_args(LevelLooks), f'one of {get_args(LevelLooks)}')
         self._check('rounds', isinstance(self.rounds, int) and self.rounds >= 1, 'an integer >= 1')
         self._check('seed_share', 0 <= self.seed_share <= 1, 'a share in [0, 1]')
         self._check('quota', self.quota is None or 0 < self.quota <= 1, 'a share in (0, 1], or None')
