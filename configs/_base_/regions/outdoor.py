@@ -24,6 +24,6 @@ strategy = dict(
     centre_distance=1.0,
     gamma='${gamma}',
     region_prior=True,
+    prior_looks='kernel',  # a lidar sees all scans from one place, and as many points of each class may be revealed
     prior_scale=1.0,  # m: small things of a class stand anywhere
-    network_power=2.0,
 )

@@ -7,6 +7,7 @@ _base_ = [
     '../schedules/segmentation.py',
     '../schedules/demo_streets.py',
 ]
+strategy = dict(heading=True)  # a vehicle's scans
 demo = dict(
     demo_data=dict(scenes='semantickitti_streets', num_train=64, num_val=14, seed=0),
     sigma=6,
