@@ -1,19 +1,19 @@
-"""Which library multiplies: spconv on a GPU where it is installed, else our own convolutions.
+"""Which library multiplies: our own convolutions, or spconv where it is installed and asked for.
 
-All take the same weights and the same kernel maps, so a checkpoint does not know where it was trained.
+Both take the same weights and the same kernel maps, so a checkpoint does not know where it was trained. On a GPU ours
+was faster (docs/sparse_networks.md), and spconv on a CPU gives wrong rows with several threads: it is there to compare with.
 """
 
 from functools import cache
 from importlib.util import find_spec
 from typing import Any, Literal, get_args
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from rm3d_plugin.ops.kernel_map import KernelMap
 
-Backend = Literal['auto', 'ours', 'spconv']
+Backend = Literal['ours', 'spconv']
 
 
 def check_backend(name: str) -> None:
@@ -26,17 +26,7 @@ def check_backend(name: str) -> None:
     if name not in get_args(Backend):
         raise ValueError(f'backend must be one of {get_args(Backend)}, got {name!r}')
     if name == 'spconv' and not has_spconv():
-        raise ImportError("backend='spconv': spconv is not installed; pip install spconv-cuXXX, or use 'auto'")
-
-
-def chosen_backend(name: Backend, device: torch.device) -> Literal['ours', 'spconv']:
-    """What ``name`` means on a device: ``'auto'`` is spconv on CUDA where it is installed, ours anywhere else.
-
-    spconv on a CPU gives wrong rows with more than one thread; it is there to compare with.
-    """
-    if name == 'auto':
-        return 'spconv' if device.type == 'cuda' and has_spconv() else 'ours'
-    return name
+        raise ImportError("backend='spconv': spconv is not installed; pip install spconv-cuXXX, or use 'ours'")
 
 
 @cache

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from rm3d_plugin.ops._backends import Backend, chosen_backend, spconv_conv
+from rm3d_plugin.ops._backends import Backend, spconv_conv
 from rm3d_plugin.ops._gather_gemm import gather_gemm, gather_outer
 from rm3d_plugin.ops.kernel_map import KernelMap
 
@@ -20,7 +20,7 @@ def sparse_conv(
     weight: Float[Tensor, 'offsets in_channels out_channels'],
     kernel_map: KernelMap,
     bias: Float[Tensor, 'out_channels'] | None = None,
-    backend: Backend = 'auto',
+    backend: Backend = 'ours',
 ) -> Float[Tensor, 'outputs out_channels']:
     """Convolve sparse voxels: submanifold, strided or (with a transposed map) inverse, as the map says.
 
@@ -32,7 +32,7 @@ def sparse_conv(
         weight: One matrix per kernel offset, in the order of ``KernelSpec.offsets``.
         kernel_map: From ``VoxelLevel.kernel_map``; ``.transposed()`` of it for the inverse convolution.
         bias: Added to every output row.
-        backend: ``'auto'``: spconv on CUDA where it is installed, else ours, which runs anywhere.
+        backend: ``'ours'`` runs anywhere; ``'spconv'``, where it is installed.
 
     Raises:
         ValueError: If features or weight do not fit the map.
@@ -43,7 +43,7 @@ def sparse_conv(
             f'got features {tuple(features.shape)} and weight {tuple(weight.shape)} (offsets, in, out)'
         )
     with torch.autocast(features.device.type, enabled=False):
-        if chosen_backend(backend, features.device) == 'spconv':
+        if backend == 'spconv':
             out = spconv_conv(features.to(weight.dtype).contiguous(), weight, kernel_map)
         else:
             out = _SparseConv.apply(features.to(weight.dtype), weight, kernel_map)  # type: ignore[no-untyped-call]

@@ -185,7 +185,15 @@ class MergeStrategy:
         distances = self.centre_distance if isinstance(self.centre_distance, tuple) else (self.centre_distance,)
         self._check('centre_distance', all(d is None or d > 0 for d in distances), 'metres > 0, or None')
         switches = [f.name for f in fields(self) if f.name.startswith('use_')]
-        for name in (*switches, 'weight_balancing', 'permanent', 'new_instances', 'region_prior'):
+        for name in (
+            *switches,
+            'weight_balancing',
+            'permanent',
+            'new_instances',
+            'region_prior',
+            'heading',
+            'level_looks',
+        ):
             self._check(name, isinstance(getattr(self, name), bool), 'True or False')
 
     def _check(self, name: str, good: bool, expected: str) -> None:

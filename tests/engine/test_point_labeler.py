@@ -136,7 +136,7 @@ def test_labels_spread_by_what_regions_may_be(tmp_path):
         for region in np.flatnonzero(np.bincount(regions[regions >= 0]) >= 30):
             classes = np.unique(semantic[(regions == region) & (semantic >= 0)])
             labelled += len(classes) == 1
-    assert labelled and len(made.survey.examples.classes) == labelled
+    assert labelled and len(made.survey.looks.classes) == labelled
     for scene in made.index_of:
         before, after = plain.store.read(scene, 0), made.store.read(scene, 0)
         known = before.semantic >= 0
@@ -176,13 +176,13 @@ def test_examples_are_regions_that_are_not_too_long_and_every_scene_is_read_once
             if len(own) == 1 and members.sum() >= 30 and not (extent and length > extent * found.lengths[own[0]]):
                 looks.append(every[region])
                 classes.append(own[0])
-    assert found.examples.classes.tolist() == classes
-    expected = (np.array(looks) - found.examples.middle) * found.examples.scale
-    np.testing.assert_array_equal(found.examples.looks, expected)
+    assert found.looks.classes.tolist() == classes
+    expected = (np.array(looks) - found.looks.middle) * found.looks.scale
+    np.testing.assert_array_equal(found.looks.looks, expected)
     if extent:
         free = labeler(tmp_path, strategy={'region_prior': True}).survey
         np.testing.assert_array_equal(free.lengths, found.lengths)
-        assert 0 < len(classes) < len(free.examples.classes)
+        assert 0 < len(classes) < len(free.looks.classes)
 
 
 # ---------------------------------------------------------------------- points kept aside

@@ -9,18 +9,14 @@ from rm3d_plugin.ops.kernel_map import KernelSpec, VoxelLevel
 from rm3d_plugin.ops.sparse_conv import sparse_conv
 
 needs_spconv = pytest.mark.skipif(not _backends.has_spconv(), reason='spconv is not installed')
-CPU, CUDA = torch.device('cpu'), torch.device('cuda')
 
 
-def test_auto_takes_spconv_on_cuda_where_it_is_installed(monkeypatch):
-    monkeypatch.setattr(_backends, 'has_spconv', lambda: True)
-    assert [_backends.chosen_backend('auto', device) for device in (CPU, CUDA)] == ['ours', 'spconv']
+def test_a_backend_that_is_not_there_is_refused(monkeypatch):
     monkeypatch.setattr(_backends, 'has_spconv', lambda: False)
-    assert [_backends.chosen_backend('auto', device) for device in (CPU, CUDA)] == ['ours', 'ours']
-    assert _backends.chosen_backend('spconv', CPU) == 'spconv'
+    _backends.check_backend('ours')
     with pytest.raises(ImportError, match='spconv is not installed'):
         _backends.check_backend('spconv')
-    with pytest.raises(ValueError, match="'auto', 'ours', 'spconv'"):
+    with pytest.raises(ValueError, match="'ours', 'spconv'"):
         _backends.check_backend('minkowski')
 
 

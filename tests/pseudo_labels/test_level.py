@@ -9,7 +9,7 @@ from pseudo_labels.patches import make_patches
 from rm3d_plugin.engine.replay import decide_again
 from rm3d_plugin.pseudo_labels import refresh_points
 from rm3d_plugin.pseudo_labels.level import FAR, STEP, level_labels
-from rm3d_plugin.pseudo_labels.prior import FADING
+from rm3d_plugin.pseudo_labels.places import FADING
 from rm3d_plugin.regions import MergeLedger, MergeStrategy
 
 STRATEGY = MergeStrategy(gamma=0.6, rounds=4, level_regions=0.9)

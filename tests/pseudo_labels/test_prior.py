@@ -10,15 +10,12 @@ from pseudo_labels.region_graphs import make_graph, plain_examples
 from rm3d_plugin.engine.replay import decide_again
 from rm3d_plugin.pseudo_labels import refresh_points
 from rm3d_plugin.pseudo_labels.looks import looks_shares, region_looks
+from rm3d_plugin.pseudo_labels.places import FADING, SAMPLE, nearness, revealed_distances
 from rm3d_plugin.pseudo_labels.prior import (
-    FADING,
     OTHER_COLOR,
-    SAMPLE,
     classless_regions,
     color_likeness,
-    nearness,
     region_prior,
-    revealed_distances,
     with_prior,
 )
 from rm3d_plugin.pseudo_labels.propagate import Pooled
@@ -166,6 +163,8 @@ def test_labels_by_prior_and_network():
 def test_a_bad_switch_is_told():
     with pytest.raises(ValueError, match=r'region_prior: expected True or False'):
         MergeStrategy(region_prior=0.5)
+    with pytest.raises(ValueError, match=r"prior_looks: expected one of \('neighbors', 'kernel'\)"):
+        MergeStrategy(prior_looks='shape')
     with pytest.raises(ValueError, match=r'prior_scale: expected a number > 0, or None'):
         MergeStrategy(prior_scale=0.0)
     with pytest.raises(ValueError, match=r'network_power: expected a number > 0'):

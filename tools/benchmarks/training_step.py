@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--voxel-size', type=float, default=0.05, help='metres, of the demo room')
     parser.add_argument('--checkpointing', action='store_true', help='recompute blocks in backward')
     parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...')
-    parser.add_argument('--backend', default='auto', help='who multiplies: auto, ours or spconv')
+    parser.add_argument('--backend', default='ours', help='who multiplies: ours or spconv')
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:

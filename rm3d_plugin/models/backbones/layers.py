@@ -46,7 +46,7 @@ class SparseConv(nn.Module):
         bias: bool = False,
     ) -> None:
         super().__init__()
-        self.backend: Backend = 'auto'
+        self.backend: Backend = 'ours'
         self.spec = KernelSpec(
             triple(kernel_size, 'kernel_size'), triple(stride, 'stride'), triple(dilation, 'dilation')
         )
@@ -75,7 +75,7 @@ class InverseConv(nn.Module):
         self, in_channels: int, out_channels: int, kernel_size: int = 2, stride: int = 2, bias: bool = False
     ) -> None:
         super().__init__()
-        self.backend: Backend = 'auto'
+        self.backend: Backend = 'ours'
         self.spec = KernelSpec(triple(kernel_size, 'kernel_size'), triple(stride, 'stride'))
         self.weight = _kaiming_weight(len(self.spec.offsets()), in_channels, out_channels)
         self.bias = nn.Parameter(torch.zeros(out_channels)) if bias else None

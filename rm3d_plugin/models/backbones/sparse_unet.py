@@ -43,7 +43,7 @@ class SparseUNet(nn.Module):
         reduce: How the points of a voxel become one row.
         preset: ``'small'``, ``'paper'`` (m = 16, seven levels) or ``'large'`` (m = 32): replaces ``widths``.
         checkpointing: Recompute the blocks in backward: less memory, about a third more time.
-        backend: ``'auto'``: spconv on CUDA where it is installed, else our convolutions; or ``'ours'``, ``'spconv'``.
+        backend: Whose convolutions: ``'ours'``, or ``'spconv'`` where it is installed.
         map_cache: Megabytes of kernel maps that are kept for batches that come again; 0 keeps none.
 
     Attributes:
@@ -61,7 +61,7 @@ class SparseUNet(nn.Module):
         reduce: Literal['mean', 'first'] = 'mean',
         preset: str | None = None,
         checkpointing: bool = False,
-        backend: Backend = 'auto',
+        backend: Backend = 'ours',
         map_cache: int = 256,
     ) -> None:
         super().__init__()
