@@ -27,7 +27,8 @@ train_pipeline = [
 crop_points = 16000
 class_power = 0.7
 gamma = 0.9
-strategy = dict(prior_scale=None, network_power=1.0)  # so few scans teach a network that is best trusted little
+# So few scans teach a network that is best trusted little, and what regions may be no better than single examples do.
+strategy = dict(prior_looks='neighbors', prior_scale=None)
 sigma = 80
 periods = [80, 160]  # epochs, each one crop of each scan
 checkpoint_interval = '${sigma}'
