@@ -138,15 +138,16 @@ class PointLabeler(BaseLabeler):
     def _level_points(self, scene: PreparedScene) -> Bool[np.ndarray, ' points']:
         return point_values(level_regions(scene.graph, self.strategy.level_regions), scene.regions.labels, False)
 
-    def _ground_labels(self, number: int, scene_id: str, scene: PreparedScene, weak: WeakLabels) -> LevelLabels | None:
+    def _ground_labels(
+        self, scene: PreparedScene, weak: WeakLabels, previous: PseudoLabels | None
+    ) -> LevelLabels | None:
         """What the level points of a scene are by their looks; what the first round found stays."""
         if self.ground is None:
             return None
         level = self._level_points(scene)
-        if not number:
+        if previous is None:
             return self.ground.labels(scene.cloud, level, weak.semantic, len(self.source.classes))
-        first = self.store.read(scene_id, 0)
-        return LevelLabels(np.where(level, first.semantic, UNLABELLED), np.where(level, first.confidence, 0.0))
+        return LevelLabels(np.where(level, previous.semantic, UNLABELLED), np.where(level, previous.confidence, 0.0))
 
     def inform(self, model: Any) -> None:
         """Tell the model how often each class is revealed, where it asks for it."""
@@ -159,6 +160,7 @@ class PointLabeler(BaseLabeler):
         if weak.complete or not self.spread:
             return SceneLabels(revealed_only(weak), None)
         scene = self.prepared(scene_id)
+        previous = self.store.read(scene_id, number - 1) if number else None
         result = refresh_points(
             scene.cloud,
             scene.regions,
@@ -166,14 +168,14 @@ class PointLabeler(BaseLabeler):
             weak,
             None if prediction is None else prediction.probabilities,
             None if prediction is None else prediction.centers,
-            self.store.read(scene_id, number - 1) if number else None,
+            previous,
             self.strategy,
             number,
             self.class_counts,
             tuple(self.source.thing_classes),
             None if self.strategy.spread_extent is None else self.survey.lengths,
             self._prior(number, scene_id, scene, weak),
-            self._ground_labels(number, scene_id, scene, weak),
+            self._ground_labels(scene, weak, previous),
         )
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 

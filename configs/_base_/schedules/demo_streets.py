@@ -21,9 +21,7 @@ demo = dict(
     ground_cell=4.0,
     true_share=0.2,
     oversegmenter=dict(rest=dict(zeta=0.05)),
-    strategy=dict(
-        mixed_regions='nearest', spread_extent=3.0, level_regions=0.95, level_looks=True, level_reach='${level_reach}'
-    ),
+    strategy=dict(mixed_regions='nearest', spread_extent=3.0, level_regions=0.95, level_reach='${level_reach}'),
 )
 level_reach = None  # m; of budgets of a few points a scene, which say nothing of what lies far off
 one_cycle = [

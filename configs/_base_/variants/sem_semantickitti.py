@@ -11,4 +11,5 @@ strategy = dict(heading=True)  # a vehicle's scans
 demo = dict(
     demo_data=dict(scenes='semantickitti_streets', num_train=64, num_val=14, seed=0),
     sigma=6,
+    strategy=dict(level_looks=True),
 )
