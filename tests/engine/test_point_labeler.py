@@ -7,6 +7,7 @@ from reference.toy_scenes import ToyRooms, make_scene
 from rm3d_plugin.engine import PointBudgetSource, PointLabeler, PointPrediction
 from rm3d_plugin.engine.label_report import PointTruth, describe_round, offset_errors, summarise_points
 from rm3d_plugin.label_budgets import BudgetError
+from rm3d_plugin.pseudo_labels import level_ground
 from rm3d_plugin.pseudo_labels.looks import region_looks
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
@@ -183,6 +184,33 @@ def test_examples_are_regions_that_are_not_too_long_and_every_scene_is_read_once
         free = labeler(tmp_path, strategy={'region_prior': True}).survey
         np.testing.assert_array_equal(free.lengths, found.lengths)
         assert 0 < len(classes) < len(free.looks.classes)
+
+
+def test_level_ground_is_named_by_its_looks_once(tmp_path, monkeypatch):
+    strategy = {'level_regions': 0.9, 'level_looks': True}
+    made = labeler(tmp_path, strategy=strategy)
+    assert made.ground is None  # too few revealed level points; the nearest names each, as without
+    plain = labeler(tmp_path / 'plain', strategy={'level_regions': 0.9})
+    for one in (made, plain):
+        one.start(keep=False, log=lambda text: None)
+    assert plain.ground is None
+    for scene in made.index_of:
+        assert made.store.read(scene, 0).semantic.tolist() == plain.store.read(scene, 0).semantic.tolist()
+
+    monkeypatch.setattr(level_ground, 'LEAST_EXAMPLES', 3)
+    made = labeler(tmp_path / 'looks', strategy=strategy)
+    made.start(keep=False, log=lambda text: None)
+    made.begin(1)
+    for scene in made.index_of:
+        prepared, weak, labels = made.prepared(scene), made.weak(scene), made.store.read(scene, 0)
+        level = np.append(np.abs(prepared.graph.normals[:, 2]) >= 0.9, False)[prepared.regions.labels]
+        named = made.ground.labels(prepared.cloud, level, weak.semantic, 3)
+        hidden = level & (weak.semantic < 0)
+        assert hidden.any() and labels.semantic[hidden].tolist() == named.classes[hidden].tolist()
+        np.testing.assert_allclose(labels.confidence[hidden], named.confidence[hidden], rtol=1e-6)
+        rows = np.random.default_rng(0).dirichlet(np.ones(3), len(level)).astype(np.float32)
+        made.refresh(1, scene, PointPrediction(rows, None))
+        assert made.store.read(scene, 1).semantic[level].tolist() == labels.semantic[level].tolist()
 
 
 # ---------------------------------------------------------------------- points kept aside
