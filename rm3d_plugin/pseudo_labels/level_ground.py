@@ -19,8 +19,9 @@ from rm3d_plugin.pseudo_labels.kernel_classes import (
     scaling_of,
 )
 from rm3d_plugin.pseudo_labels.level import FAR, LevelLabels
-from rm3d_plugin.pseudo_labels.level_looks import UsualStrength, level_looks, usual_strength
+from rm3d_plugin.pseudo_labels.level_looks import level_looks
 from rm3d_plugin.pseudo_labels.places import faded
+from rm3d_plugin.pseudo_labels.sensor import UsualStrength, usual_strength
 from rm3d_plugin.structures import UNLABELLED, PointCloud
 
 PLANE_STEP = 0.06  # m above the plane of the ground that count as a metre sideways

@@ -1,12 +1,12 @@
 """What level ground looks like, point by point: how bright, how rough, and what lies higher or brighter beside it."""
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from rm3d_plugin.pseudo_labels.sensor import WIDEST, UsualStrength, brightness, seen_from_sensor, strength_of
 from rm3d_plugin.structures import PointCloud
 
 CELL = 0.25  # m of the grid, seen from above, on which neighbourhoods are taken
@@ -14,75 +14,8 @@ SCALES = (0.25, 0.5, 1.0, 2.0, 4.0)  # m, deviation of the neighbourhoods' Gauss
 ROUGH_SCALES = SCALES[1:4]
 SIDE_SCALE = SCALES[1]
 SIDES = (0.75, 1.5, 2.5, 4.0)  # m to both sides
-WIDEST = 30.0  # m from the path, from which on all is far
 PLANE_NOISE = 0.1  # m
-RANGES = np.concatenate([[0.0], np.arange(3.0, 31.0), [33, 36, 40, 45, 50, 60, 80, np.inf]])  # m
-_LEAST_IN_RANGE = 50  # points
 _TRUNCATE = 2.5  # deviations
-
-
-class UsualStrength(NamedTuple):
-    """Mean return strength of level points at each range; what falls off with it says nothing of the ground.
-
-    Attributes:
-        ranges: (K,) metres, ascending.
-        strengths: (K,) mean of the points about that far off.
-    """
-
-    ranges: Float[np.ndarray, ' bins']
-    strengths: Float[np.ndarray, ' bins']
-
-
-def strength_of(cloud: PointCloud) -> Float[np.ndarray, ' points'] | None:
-    """Intensity, else the mean of the colours; None: neither is there."""
-    if cloud.intensity is not None:
-        return cloud.intensity.astype(np.float64)
-    return None if cloud.colors is None else cloud.colors.mean(axis=1, dtype=np.float64)
-
-
-def seen_from_sensor(cloud: PointCloud) -> Float[np.ndarray, 'points 3']:
-    """Points less the place of the sensor; where that is unknown the origin stands for it."""
-    xyz = cloud.xyz.astype(np.float64)
-    return xyz if cloud.sensor is None else xyz - np.asarray(cloud.sensor)
-
-
-def usual_strength(scenes: Iterable[tuple[PointCloud, Bool[np.ndarray, ' points']]]) -> UsualStrength:
-    """Mean strength by range over all scenes.
-
-    Args:
-        scenes: Points of each, and which of them are level.
-    """
-    sums = np.zeros((3, len(RANGES) - 1))
-    for cloud, level in scenes:
-        strength = strength_of(cloud)
-        if strength is not None:
-            sums += strength_sums(np.linalg.norm(seen_from_sensor(cloud)[level], axis=1), strength[level])
-    return usual_of(sums)
-
-
-def strength_sums(
-    ranges: Float[np.ndarray, ' rows'],
-    strengths: Float[np.ndarray, ' rows'],
-    sizes: Int[np.ndarray, ' rows'] | None = None,
-) -> Float[np.ndarray, '3 bins']:
-    """Points, sum of their strengths, and of their ranges, by :data:`RANGES`; rows of ``sizes`` points, or of one."""
-    weights = np.ones(len(ranges)) if sizes is None else sizes
-    return np.stack(
-        [np.histogram(ranges, RANGES, weights=w)[0] for w in (weights, weights * strengths, weights * ranges)]
-    )
-
-
-def usual_of(sums: Float[np.ndarray, '3 bins']) -> UsualStrength:
-    """The means of :func:`strength_sums`, where they are of some points."""
-    counts, strengths, ranges = sums[:, sums[0] >= _LEAST_IN_RANGE]
-    return UsualStrength(ranges / counts, strengths / counts)
-
-
-def brightness(
-    strengths: Float[np.ndarray, ' rows'], ranges: Float[np.ndarray, ' rows'], usual: UsualStrength
-) -> Float[np.ndarray, ' rows']:
-    """Strength over what is usual at that range."""
-    return strengths / np.maximum(np.interp(ranges, usual.ranges, usual.strengths), 1e-6)
 
 
 class LevelLooks(NamedTuple):
@@ -108,7 +41,7 @@ def level_looks(
     Args:
         cloud: Points of a scene, metres, z up. Where the sensor is unknown the origin stands for it.
         level: Points that are asked about.
-        usual: See :func:`usual_strength`.
+        usual: See :func:`~rm3d_plugin.pseudo_labels.sensor.usual_strength`.
         heading: Whether the sensor travels along x, as on vehicles: then sides are those of its path, else towards the
             sensor and away from it.
     """

@@ -16,7 +16,9 @@ from rm3d_plugin.pseudo_labels.kernel_classes import (
     scaling_of,
 )
 from rm3d_plugin.pseudo_labels.level import level_regions
-from rm3d_plugin.pseudo_labels.level_looks import (
+from rm3d_plugin.pseudo_labels.looks import DESCRIPTOR_WEIGHT, LEAST_POINTS, SHAPE_COLUMNS, region_looks
+from rm3d_plugin.pseudo_labels.places import nearness, revealed_distances
+from rm3d_plugin.pseudo_labels.sensor import (
     WIDEST,
     UsualStrength,
     brightness,
@@ -25,8 +27,6 @@ from rm3d_plugin.pseudo_labels.level_looks import (
     strength_sums,
     usual_of,
 )
-from rm3d_plugin.pseudo_labels.looks import DESCRIPTOR_WEIGHT, LEAST_POINTS, SHAPE_COLUMNS, region_looks
-from rm3d_plugin.pseudo_labels.places import nearness, revealed_distances
 from rm3d_plugin.regions.prepare import PreparedScene
 
 LENGTH = 0.8  # of the kernel between looks
@@ -69,10 +69,11 @@ class RegionRows(NamedTuple):
         bright = np.zeros((len(self.sizes), 2))
         if len(usual.ranges):
             bright = np.stack([brightness(part, self.ranges, usual) for part in self.strengths.T], axis=1)
-        seen = np.zeros((len(self.sizes), 3))
-        if self.ranges.any():
-            nearby = np.log(self.sizes * self.ranges**2)
-            seen = np.stack([nearby - np.log(np.maximum(self.areas, _LEAST_AREA)), nearby, np.log(self.ranges)], axis=1)
+        known = self.ranges > 0
+        away = np.where(known, self.ranges, 1.0)
+        nearby = np.log(np.maximum(self.sizes, 1) * away**2)
+        seen = np.stack([nearby - np.log(np.maximum(self.areas, _LEAST_AREA)), nearby, np.log(away)], axis=1)
+        seen[~known] = 0.0
         return np.concatenate([self.looks, bright, seen, np.minimum(self.aside, WIDEST)[:, None]], axis=1)
 
 

@@ -9,8 +9,9 @@ from pseudo_labels.patches import make_patches
 from rm3d_plugin.pseudo_labels import level_ground, refresh_points
 from rm3d_plugin.pseudo_labels.level import FAR, LevelLabels
 from rm3d_plugin.pseudo_labels.level_ground import ALONG, PLANE_STEP, survey_ground
-from rm3d_plugin.pseudo_labels.level_looks import CELL, SCALES, SIDES, UsualStrength, level_looks, usual_strength
+from rm3d_plugin.pseudo_labels.level_looks import CELL, SCALES, SIDES, level_looks
 from rm3d_plugin.pseudo_labels.places import FADING
+from rm3d_plugin.pseudo_labels.sensor import UsualStrength, usual_strength
 from rm3d_plugin.regions import MergeStrategy
 from rm3d_plugin.structures import PointCloud
 

@@ -8,11 +8,11 @@ from pseudo_labels.region_graphs import make_graph
 
 from rm3d_plugin.pseudo_labels import region_knowledge
 from rm3d_plugin.pseudo_labels.kernel_classes import class_frequencies
-from rm3d_plugin.pseudo_labels.level_looks import UsualStrength
 from rm3d_plugin.pseudo_labels.looks import DESCRIPTOR_WEIGHT, SHAPE_COLUMNS, region_looks
 from rm3d_plugin.pseudo_labels.places import nearness, revealed_distances
 from rm3d_plugin.pseudo_labels.prior import region_prior
 from rm3d_plugin.pseudo_labels.region_knowledge import RegionCollector, region_rows
+from rm3d_plugin.pseudo_labels.sensor import UsualStrength
 from rm3d_plugin.pseudo_labels.survey import survey_regions
 from rm3d_plugin.regions import MergeStrategy
 from rm3d_plugin.regions.prepare import PreparedScene
