@@ -13,6 +13,7 @@ from rm3d_plugin.pseudo_labels.kernel_classes import (
     class_frequencies,
     evenly_chosen,
     fit_kernel_classes,
+    normalised,
     scaling_of,
 )
 from rm3d_plugin.pseudo_labels.level import level_regions
@@ -32,6 +33,7 @@ from rm3d_plugin.regions.prepare import PreparedScene
 LENGTH = 0.8  # of the kernel between looks
 MOST_EXAMPLES = 200  # of a class
 LEAST_EXAMPLE = 5  # points of a region that is an example
+DOUBT = 0.01  # share of a class that was revealed in regions of several classes alone
 MOST_SCENES = 256  # that stand for all
 SENSOR_COLUMNS = 6
 _LEAST_AREA = 0.01  # m^2
@@ -120,9 +122,13 @@ class RegionKnowledge(NamedTuple):
     heading: bool
 
     def shares(self, scene: PreparedScene) -> Float[np.ndarray, 'regions classes']:
-        """How likely each class is for the regions of a scene by their looks, times how frequent it is."""
+        """How likely each class is for the regions of a scene by their looks, times how frequent it is.
+
+        Classes that no region teaches have :data:`DOUBT`, so that a network may still name them.
+        """
         rows = region_rows(scene, self.heading).columns(self.usual)
-        return self.classes.shares(rows, len(self.frequencies)) * self.frequencies
+        said = normalised(self.classes.shares(rows, len(self.frequencies)) * self.frequencies)
+        return np.where(np.isin(np.arange(said.shape[1]), self.classes.classes), said, DOUBT)
 
 
 class _Scanned(NamedTuple):

@@ -101,6 +101,9 @@ def test_clicked_regions_of_all_scenes_name_the_others():
         np.testing.assert_allclose(prior, places * survey.looks.shares(scene))
         right.append(prior.argmax(axis=1) == kinds)
     assert np.mean(right) > 0.9
+    shares = survey.looks.shares(streets[0][0])
+    assert shares[:, :3].sum(axis=1) == pytest.approx(1.0)
+    assert (shares[:, 3] == region_knowledge.DOUBT).all()  # a class that no region teaches
     points = np.array([12 * 60, 5 * 40, 3 * 15, 0])
     assert survey.looks.frequencies == pytest.approx(points / points.sum(), abs=0.05)
 
