@@ -28,6 +28,7 @@ PLANE_STEP = 0.06  # m above the plane of the ground that count as a metre sidew
 ALONG = 0.07  # m sideways that a metre along the street counts
 LENGTH = 1.5  # of the kernel between looks
 MOST_EXAMPLES = 300  # of a class
+MOST_GATHERED = 100000  # points that wait to be chosen from
 LEAST_EXAMPLES = 100  # of all classes: fewer do not tell what ground looks like
 SAMPLE = 200000  # points of all scenes that stand for the others
 
@@ -116,12 +117,22 @@ def survey_ground(scenes: Callable[[], Iterable[LevelScene]], heading: bool) -> 
     sample: list[np.ndarray] = []
     for cloud, level, true_labels in scenes():
         looks, own = level_looks(cloud, level, usual, heading).rows, true_labels[level]
-        if len(own):
-            rows.append(looks[own >= 0])
-            labels.append(own[own >= 0])
-            sample.append(looks[::share])
+        if not len(own):
+            continue
+        rows.append(looks[own >= 0])
+        labels.append(own[own >= 0])
+        sample.append(looks[::share])
+        if sum(map(len, labels)) > MOST_GATHERED:
+            rows, labels = _thinned(rows, labels)
     examples, classes, at_large = np.concatenate(rows), np.concatenate(labels), np.concatenate(sample)
     kept = evenly_chosen(classes, MOST_EXAMPLES)
     taught = fit_kernel_classes(examples[kept], classes[kept], scaling_of(at_large), LENGTH)
     frequencies = class_frequencies(taught.shares(at_large, int(classes.max()) + 1)[:, taught.classes])
     return GroundKnowledge(usual, taught, frequencies, heading)
+
+
+def _thinned(rows: list[np.ndarray], labels: list[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Twice as many examples of a class as are asked for, at most."""
+    every = np.concatenate(labels)
+    kept = np.sort(evenly_chosen(every, 2 * MOST_EXAMPLES))
+    return [np.concatenate(rows)[kept]], [every[kept]]

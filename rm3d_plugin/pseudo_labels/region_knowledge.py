@@ -34,6 +34,7 @@ LENGTH = 0.8  # of the kernel between looks
 MOST_EXAMPLES = 200  # of a class
 LEAST_EXAMPLE = 5  # points of a region that is an example
 DOUBT = 0.01  # share of a class that was revealed in regions of several classes alone
+MOST_GATHERED = 50000  # regions that wait to be chosen from
 MOST_SCENES = 256  # that stand for all
 SENSOR_COLUMNS = 6
 _LEAST_AREA = 0.01  # m^2
@@ -174,6 +175,10 @@ class RegionCollector:
         known = np.flatnonzero((classes >= 0) & (rows.sizes >= LEAST_EXAMPLE))
         self._examples.append(rows.select(known))
         self._classes.append(classes[known])
+        if sum(map(len, self._classes)) > MOST_GATHERED:
+            labels = np.concatenate(self._classes)
+            kept = np.sort(evenly_chosen(labels, 2 * MOST_EXAMPLES))
+            self._examples, self._classes = [_joined(self._examples).select(kept)], [labels[kept]]
         if self._seen % self._step == 0 and len(classes):
             distance = revealed_distances(scene.cloud.xyz, scene.regions, true_labels, count)
             self._scenes.append(_Scanned(rows, ~level_regions(scene.graph, self._level), distance))

@@ -175,6 +175,8 @@ def test_too_few_points_teach_nothing_and_too_many_are_thinned(monkeypatch):
     monkeypatch.setattr(level_ground, 'LEAST_EXAMPLES', 20)
     monkeypatch.setattr(level_ground, 'MOST_EXAMPLES', 5)
     assert len(survey_ground(lambda: made, True).classes.rows) == 3 * 5
+    monkeypatch.setattr(level_ground, 'MOST_GATHERED', 31)
+    assert len(survey_ground(lambda: made, True).classes.rows) == 3 * 5
 
 
 def test_what_the_ground_is_overrules_regions_but_no_revealed_point():

@@ -146,6 +146,18 @@ def test_many_scenes_are_stood_for_by_some(monkeypatch):
     assert len(collector.learn(np.full(4, np.nan), 1.0).classes.rows) == 9 * 3
 
 
+def test_examples_beyond_what_fits_are_thinned_class_by_class(monkeypatch):
+    monkeypatch.setattr(region_knowledge, 'MOST_GATHERED', 30)
+    monkeypatch.setattr(region_knowledge, 'MOST_EXAMPLES', 4)
+    collector = RegionCollector(True, None)
+    for seed in range(12):
+        scene, truth, kinds = street(seed)
+        collector.add(scene, np.where(np.isin(np.arange(len(kinds)), [0, 12, 17]), kinds, -1), truth, 4)
+        assert sum(map(len, collector._classes)) <= 30
+    known = collector.learn(np.full(4, np.nan), 1.0)
+    assert len(known.classes.rows) == 3 * 4 and known.classes.classes.tolist() == [WALL, BUSH, POST]
+
+
 def test_nothing_clicked_and_no_region():
     scene, truth, _ = street(0)
     assert known_of([(scene, np.full_like(truth, -1), None)]).looks is None
