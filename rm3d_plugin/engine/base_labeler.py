@@ -21,9 +21,11 @@ from rm3d_plugin.regions.geometry import SceneGeometry
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.storage import LabelStore, SceneCache
+from rm3d_plugin.storage.recent import RecentItems
 from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels
 
 Log = Callable[[str], None]
+SCENES_IN_MEMORY = 512  # MB of prepared scenes: data sets of some dozen scans are read once
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,7 @@ class BaseLabeler(ABC):
         self.index_of = {scene: i for i, scene in enumerate(self.source.scene_ids)}
         self.judging = Seconds()
         self._keys: dict[str, str] = {}
+        self._recent: RecentItems[PreparedScene] = RecentItems(SCENES_IN_MEMORY, PreparedScene.nbytes)
 
     # ------------------------------------------------------------------ what a subclass says
 
@@ -109,7 +112,10 @@ class BaseLabeler(ABC):
     # ------------------------------------------------------------------ geometry and weak labels
 
     def prepared(self, scene_id: str) -> PreparedScene:
-        """Regions and graph of a scene, from the cache or made now."""
+        """Regions and graph of a scene, from memory, the cache, or made now; not to be written to."""
+        return self._recent.get_or_make(scene_id, lambda: self._prepared(scene_id))
+
+    def _prepared(self, scene_id: str) -> PreparedScene:
         if scene_id not in self._keys:  # it stays as it is for the whole run
             self._keys[scene_id] = self._geometry.key(self._cloud(scene_id), self.seeds(scene_id))
         return self._geometry.prepared(

@@ -52,6 +52,10 @@ class PreparedScene:
             out.update({f'{prefix}.{name}': np.asarray(value) for name, value in values.items() if value is not None})
         return out
 
+    def nbytes(self) -> int:
+        """Memory of all arrays."""
+        return sum(values.nbytes for values in self.to_arrays().values())
+
     @classmethod
     def from_arrays(cls, arrays: dict[str, np.ndarray]) -> 'PreparedScene':
         """Undo :meth:`to_arrays`.

@@ -117,6 +117,16 @@ def test_wrong_crops_are_told(wrong):
         ClassCrop(**wrong)
 
 
+def test_pipelines_that_compute_the_same_share_a_memory():
+    one, two = RecentArrays.shared('heights of a test', 1), RecentArrays.shared('heights of a test', 3)
+    assert one is two and one.size == 3 and RecentArrays.shared('others of a test', 3) is not one
+    content = np.arange(3.0)
+    made = one.get_or_make(content, lambda: np.ones(1))
+    assert two.get_or_make(content, lambda: np.zeros(1)) is made
+    assert LevelGround(recent=2)._recent is LevelGround(recent=1)._recent
+    assert LevelGround()._recent is not LevelGround(cell=3.0)._recent
+
+
 def test_the_recent_ones_are_remembered():
     recent, made = RecentArrays(2), []
 

@@ -10,6 +10,7 @@ from rm3d_plugin.datasets.transforms.points import select_points
 from rm3d_plugin.datasets.transforms.recent import RecentArrays
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS
+from rm3d_plugin.storage import content_key
 from rm3d_plugin.structures import UNLABELLED
 
 
@@ -43,7 +44,7 @@ class LevelGround:
 
     def __init__(self, recent: int = 16, **options: Any) -> None:
         self.options = options
-        self._recent = RecentArrays(recent)
+        self._recent = RecentArrays.shared(content_key('heights', options), recent)
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
         """Find the ground, then level it.

@@ -22,6 +22,18 @@ class RecentArrays:
         self.size = size
         self._kept: OrderedDict[str, np.ndarray] = OrderedDict()
 
+    @classmethod
+    def shared(cls, kind: str, size: int) -> 'RecentArrays':
+        """One memory for all who compute the same from the same content: the pipelines of training and of predicting.
+
+        Args:
+            kind: Names what is computed, with its settings.
+            size: At least so many are kept.
+        """
+        found = _SHARED.setdefault(kind, cls(size))
+        found.size = max(found.size, size)
+        return found
+
     def __len__(self) -> int:
         return len(self._kept)
 
@@ -38,3 +50,6 @@ class RecentArrays:
     def __getstate__(self) -> dict[str, Any]:
         """Empty: what is kept shall not travel to other processes."""
         return {'size': self.size, '_kept': OrderedDict()}
+
+
+_SHARED: dict[str, RecentArrays] = {}

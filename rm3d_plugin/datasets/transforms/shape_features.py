@@ -49,7 +49,7 @@ class ShapeFeatures:
             raise ValueError(f'ShapeFeatures.neighbors: expected two numbers from 3, got {list(neighbors)}')
         self.neighbors = tuple(int(k) for k in neighbors)
         self.cache = None if cache is None else SceneCache(cache)
-        self._recent = RecentArrays(recent)
+        self._recent = RecentArrays.shared(content_key('shape', list(self.neighbors), cache), recent)
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
         """Compute or read, then append.
