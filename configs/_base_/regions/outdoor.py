@@ -26,4 +26,5 @@ strategy = dict(
     region_prior=True,
     prior_looks='kernel',  # a lidar sees all scans from one place, and as many points of each class may be revealed
     prior_scale=1.0,  # m: small things of a class stand anywhere
+    network_power=1.0,
 )
