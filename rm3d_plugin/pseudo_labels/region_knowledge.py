@@ -32,7 +32,8 @@ from rm3d_plugin.regions.prepare import PreparedScene
 
 LENGTH = 0.8  # of the kernel between looks
 MOST_EXAMPLES = 200  # of a class
-LEAST_EXAMPLE = 5  # points of a region that is an example
+LEAST_EXAMPLES = 15  # of all classes: fewer do not tell how likely classes are
+LEAST_POINTS_OF_ONE = 5  # of a region that is an example
 DOUBT = 0.01  # share of a class that was revealed in regions of several classes alone
 MOST_GATHERED = 50000  # regions that wait to be chosen from
 MOST_SCENES = 256  # that stand for all
@@ -172,7 +173,7 @@ class RegionCollector:
             count: Number of classes.
         """
         rows = region_rows(scene, self._heading)
-        known = np.flatnonzero((classes >= 0) & (rows.sizes >= LEAST_EXAMPLE))
+        known = np.flatnonzero((classes >= 0) & (rows.sizes >= LEAST_POINTS_OF_ONE))
         self._examples.append(rows.select(known))
         self._classes.append(classes[known])
         if sum(map(len, self._classes)) > MOST_GATHERED:
@@ -187,13 +188,13 @@ class RegionCollector:
             self._scenes, self._step = self._scenes[::2], 2 * self._step
 
     def learn(self, lengths: Float[np.ndarray, ' classes'], scale: float | None) -> RegionKnowledge | None:
-        """What was gathered; None where no region was clicked.
+        """What was gathered; None where fewer than :data:`LEAST_EXAMPLES` regions were clicked.
 
         Args:
             lengths: See :func:`~rm3d_plugin.pseudo_labels.places.nearness`.
             scale: See there.
         """
-        if not sum(map(len, self._classes)):
+        if sum(map(len, self._classes)) < LEAST_EXAMPLES:
             return None
         every = _joined([scene.rows for scene in self._scenes])
         usual = usual_of(strength_sums(every.ranges, every.strengths[:, 0], every.sizes))

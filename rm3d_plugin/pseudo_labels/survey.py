@@ -35,8 +35,9 @@ def survey_regions(
     Args:
         scenes: Geometry and true class (-1 = unknown) of the points of each.
         count: Number of classes.
-        strategy: Says whether looks are asked for, and of which kind. Regions longer than its ``spread_extent`` usual
-            lengths of their class are no examples, where single examples speak.
+        strategy: Says whether looks are asked for, and of which kind; where too few regions are labelled to teach a
+            classifier, single examples speak. Regions longer than ``spread_extent`` usual lengths of their class are
+            none of those.
     """
     seeds: list[tuple[np.ndarray, np.ndarray]] = []
     own: list[np.ndarray] = []  # length of each example
@@ -50,15 +51,16 @@ def survey_regions(
             classes = _only_class(seeded, len(lengths))
             if kernel:
                 collector.add(scene, classes, true_labels, count)
-            elif strategy.region_prior:
+            if strategy.region_prior:
                 own.append(lengths[(classes >= 0) & (scene.graph.sizes >= LEAST_POINTS)])
                 yield region_looks(scene.cloud, scene.regions, scene.graph), classes, scene.graph.sizes
 
     examples = collect_examples(labelled())
     classes, lengths = (np.concatenate([np.zeros(0), *part]) for part in zip(*seeds, strict=True))
     usual = usual_lengths(classes, lengths, count)
-    if kernel:
-        return RegionSurvey(usual, collector.learn(usual, strategy.prior_scale))
+    learnt = collector.learn(usual, strategy.prior_scale)
+    if learnt is not None:
+        return RegionSurvey(usual, learnt)
     if examples is None or strategy.spread_extent is None:
         return RegionSurvey(usual, examples)
     fit = ~(np.concatenate(own) > usual[examples.classes] * strategy.spread_extent)

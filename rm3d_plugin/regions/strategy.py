@@ -77,7 +77,8 @@ class MergeStrategy:
         prior_looks: With ``region_prior``: what shapes say. 'neighbors': the most alike labelled regions vote, and
             colours count. 'kernel': a classifier that labelled regions of all scenes teach says how likely each class
             is, times how frequent it seems to be; for scenes of one sensor, whose ranges and brightness it sees, and
-            budgets that reveal as many points of each class (see :mod:`rm3d_plugin.pseudo_labels.region_knowledge`).
+            budgets that reveal as many points of each class (see :mod:`rm3d_plugin.pseudo_labels.region_knowledge`);
+            with fewer than 15 labelled regions in all they vote.
         heading: The sensor travels along x, as on vehicles, and streets run that way: how far aside of its path things
             lie is part of their looks.
         prior_scale: With ``region_prior``: metres at which a revealed point's word has begun to fade, slowly, as suits

@@ -167,7 +167,9 @@ def _tell_refreshes() -> None:
     refresh = SceneLabeler.refresh
 
     def told(self: Any, number: int, scene_id: str, prediction: Any) -> None:
-        print(f'refresh of round {number}, scene {scene_id}, {"by geometry" if prediction is None else "by network"}')
+        how = 'geometry' if prediction is None else 'network'
+        sys.stdout.flush()
+        os.write(1, f'refresh of round {number}, scene {scene_id}, by {how}\n'.encode())  # whole, whoever else writes
         refresh(self, number, scene_id, prediction)
 
     SceneLabeler.refresh = told

@@ -8,10 +8,10 @@ from pseudo_labels.region_graphs import make_graph
 
 from rm3d_plugin.pseudo_labels import region_knowledge
 from rm3d_plugin.pseudo_labels.kernel_classes import class_frequencies
-from rm3d_plugin.pseudo_labels.looks import DESCRIPTOR_WEIGHT, SHAPE_COLUMNS, region_looks
+from rm3d_plugin.pseudo_labels.looks import DESCRIPTOR_WEIGHT, SHAPE_COLUMNS, RegionExamples, region_looks
 from rm3d_plugin.pseudo_labels.places import nearness, revealed_distances
 from rm3d_plugin.pseudo_labels.prior import region_prior
-from rm3d_plugin.pseudo_labels.region_knowledge import RegionCollector, region_rows
+from rm3d_plugin.pseudo_labels.region_knowledge import RegionCollector, RegionKnowledge, region_rows
 from rm3d_plugin.pseudo_labels.sensor import UsualStrength
 from rm3d_plugin.pseudo_labels.survey import survey_regions
 from rm3d_plugin.regions import MergeStrategy
@@ -42,7 +42,9 @@ def street(seed, counts=(12, 5, 3)):
     xyz, strength = (np.concatenate([one[i] for one in things]) for i in (0, 1))
     regions = Regions(np.repeat(np.arange(len(kinds)), [len(one[0]) for one in things]))
     graph = make_graph(len(kinds), descriptors=np.eye(3)[kinds] + 0.5 * rng.normal(size=(len(kinds), 3)))
-    graph = replace(graph, extents=np.stack([one[2] for one in things]), normals=np.tile([1.0, 0, 0], (len(kinds), 1)))
+    upright = np.tile([1.0, 0, 0], (len(kinds), 1))
+    extents = np.stack([one[2] for one in things])
+    graph = replace(graph, extents=extents, normals=upright, sizes=np.array(regions.sizes))
     scene = PreparedScene(PointCloud(xyz, intensity=strength, sensor=(0.0, 0.0, 0.0)), regions, graph)
     truth = np.full(len(xyz), -1)
     for kind in np.unique(kinds):
@@ -109,7 +111,7 @@ def test_clicked_regions_of_all_scenes_name_the_others():
 
 
 def test_frequencies_and_scaling_are_those_of_the_scenes():
-    streets = [street(seed) for seed in range(4)]
+    streets = [street(seed) for seed in range(5)]
     survey = known_of(streets)
     rows = [region_rows(scene, True) for scene, _, _ in streets]
     columns = np.concatenate([part.columns(survey.looks.usual) for part in rows])
@@ -163,5 +165,12 @@ def test_nothing_clicked_and_no_region():
     assert known_of([(scene, np.full_like(truth, -1), None)]).looks is None
     empty = PreparedScene(PointCloud(np.zeros((3, 3))), Regions(np.full(3, -1)), make_graph(0))
     assert known_of([(empty, np.array([0, -1, 1]), None)]).looks is None
-    one = known_of([(scene, np.where(np.arange(len(truth)) == 0, POST, -1), None)])
-    assert one.looks.shares(scene).argmax(axis=1).tolist() == [POST] * len(scene.regions)
+
+
+def test_few_clicked_regions_vote():
+    streets = [street(seed) for seed in range(5)]
+    assert isinstance(known_of(streets).looks, RegionKnowledge)  # three clicked regions each
+    few = known_of(streets[:4]).looks
+    plain = known_of(streets[:4], replace(STRATEGY, prior_looks='neighbors')).looks
+    assert isinstance(few, RegionExamples)
+    np.testing.assert_array_equal(few.looks, plain.looks)
