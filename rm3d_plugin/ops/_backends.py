@@ -1,7 +1,7 @@
 """Which library multiplies: our own convolutions, or spconv where it is installed and asked for.
 
 Both take the same weights and the same kernel maps, so a checkpoint does not know where it was trained. On a GPU ours
-was faster (docs/sparse_networks.md); spconv on a CPU gives wrong rows with several threads. It is for comparing.
+was faster (docs/RESULTS.md); spconv on a CPU gives wrong rows with several threads. It is for comparing.
 """
 
 from functools import cache

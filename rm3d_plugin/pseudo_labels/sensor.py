@@ -14,7 +14,7 @@ _LEAST_IN_RANGE = 50  # points
 
 
 class UsualStrength(NamedTuple):
-    """Mean return strength of level points at each range; what falls off with it says nothing of the ground.
+    """Mean return strength at each range; what falls off with it says nothing of a thing.
 
     Attributes:
         ranges: (K,) metres, ascending.
