@@ -4,4 +4,4 @@
 _base_ = ['./_base_/variants/sem_semantic3d.py', './_base_/budgets/points_onept.py']
 level_reach = 3.0  # m; of use with --demo
 # Clicks show all classes alike often, which they are not: with more of the loss rare classes are said everywhere.
-demo = dict(true_share=0.1)
+demo = dict(annotated_share=0.1)

@@ -4,4 +4,4 @@
 _base_ = ['./_base_/variants/sem_semantickitti.py', './_base_/budgets/points_20pts.py']
 level_reach = 3.0  # m; of use with --demo
 # So few labelled points say little: with more of the loss they make it noisy.
-demo = dict(true_share=0.1)
+demo = dict(annotated_share=0.1)

@@ -9,4 +9,4 @@ _base_ = [
     './_base_/budgets/boxes_1pct.py',
     './_base_/schedules/detection.py',
 ]
-label_rounds = 1
+label_refreshes = 1

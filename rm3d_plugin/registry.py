@@ -38,12 +38,14 @@ TRANSFORMS = PartRegistry(
     'transform',
     parent=parent.TRANSFORMS,
     scope=SCOPE,
-    locations=['rm3d_plugin.datasets', 'rm3d_plugin.engine.region_numbers'],
+    locations=['rm3d_plugin.datasets', 'rm3d_plugin.inference.region_numbers'],
 )
 METRICS = PartRegistry('metric', parent=parent.METRICS, scope=SCOPE, locations=['rm3d_plugin.evaluation'])
-HOOKS = PartRegistry('hook', parent=parent.HOOKS, scope=SCOPE, locations=['rm3d_plugin.engine'])
+HOOKS = PartRegistry(
+    'hook', parent=parent.HOOKS, scope=SCOPE, locations=['rm3d_plugin.engine', 'rm3d_plugin.reporting.report_hook']
+)
 LOOPS = PartRegistry('loop', parent=parent.LOOPS, scope=SCOPE, locations=['rm3d_plugin.engine'])
-TASK_UTILS = PartRegistry('task util', parent=parent.TASK_UTILS, scope=SCOPE, locations=['rm3d_plugin.engine'])
+TASK_UTILS = PartRegistry('task util', parent=parent.TASK_UTILS, scope=SCOPE, locations=['rm3d_plugin.labeling'])
 
 DESCRIPTORS = PartRegistry('descriptor', scope=SCOPE, locations=['rm3d_plugin.descriptors'])
 OVERSEGMENTERS = PartRegistry('oversegmenter', scope=SCOPE, locations=['rm3d_plugin.oversegmentation'])

@@ -43,7 +43,7 @@ assert sorted(m for m in sys.modules if m.startswith('rm3d_plugin')) == ['rm3d_p
 with DefaultScope.overwrite_default_scope('mmengine'):
     for registry, name in (
         (MODELS, 'JSAugLoss'), (MODELS, 'DiceLoss'), (MODELS, 'SparseUNet'), (METRICS, 'KittiMetric'),
-        (HOOKS, 'RegionMergeHook'), (TASK_UTILS, 'SceneLabeler'), (MODELS, 'RM3DVoteNet'),
+        (HOOKS, 'RegionMergeHook'), (TASK_UTILS, 'DetectionLabelMaker'), (MODELS, 'RM3DVoteNet'),
     ):
         print(registry.get(f'rm3d_plugin.{name}').__name__)
 """
@@ -52,5 +52,5 @@ with DefaultScope.overwrite_default_scope('mmengine'):
 def test_importing_the_package_is_light_and_makes_every_scoped_type_known():
     done = subprocess.run([sys.executable, '-c', SCRIPT], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    names = 'JSAugLoss DiceLoss SparseUNet KittiMetric RegionMergeHook SceneLabeler RM3DVoteNet'
+    names = 'JSAugLoss DiceLoss SparseUNet KittiMetric RegionMergeHook DetectionLabelMaker RM3DVoteNet'
     assert done.stdout.split() == names.split()

@@ -8,8 +8,8 @@ from pathlib import Path
 from mmengine.config import DictAction
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.draw_labels import draw_labels, source_of, source_of_dataset
 from rm3d_plugin.engine.run import config_of, exit_code
+from rm3d_plugin.reporting.draw_labels import draw_labels, source_of, source_of_dataset
 
 EPILOG = """\
 budgets of points:
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument('config', nargs='?', help='config file of the run that shall have the labels')
     parser.add_argument('--out', type=Path, required=True, help='folder; or one file .csv, .json (clicks) or .html')
-    parser.add_argument('--budget', help='what to reveal, see below; default: as the config says, else 0p2pct')
+    parser.add_argument('--budget', help='what to show, see below; default: as the config says, else 0p2pct')
     parser.add_argument('--seed', type=int, help='chooses the draw; default: as the config says, else 0')
     parser.add_argument('--scenes', type=int, default=8, help='scenes that the page shows; default 8')
     parser.add_argument('--demo', action='store_true', help='on synthetic demo data, made on first use')

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from mmengine.config import DictAction
 
-from rm3d_plugin.engine.oversegment import oversegment_file
 from rm3d_plugin.engine.run import exit_code
+from rm3d_plugin.inference.oversegment import oversegment_file
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

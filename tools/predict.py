@@ -5,10 +5,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rm3d_plugin.engine.predict import predict_files
-from rm3d_plugin.engine.predict_formats import FORMATS
-from rm3d_plugin.engine.predict_points import PointOptions
 from rm3d_plugin.engine.run import exit_code
+from rm3d_plugin.inference.predict import predict_files
+from rm3d_plugin.inference.predict_formats import FORMATS
+from rm3d_plugin.inference.predict_points import PointOptions
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

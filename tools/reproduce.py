@@ -5,9 +5,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rm3d_plugin.engine.reproduce import MEASURED, TABLES, measure, reproduce
 from rm3d_plugin.engine.run import exit_code
-from rm3d_plugin.engine.table_scenes import COLLECTIONS
+from rm3d_plugin.experiments.reproduce import MEASURED, TABLES, measure, reproduce
+from rm3d_plugin.experiments.table_scenes import COLLECTIONS
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

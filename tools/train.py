@@ -9,8 +9,8 @@ from mmengine.dist import is_main_process
 
 from rm3d_plugin.engine.distributed import joined_processes
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
-from rm3d_plugin.engine.report import result_table
 from rm3d_plugin.engine.run import DEMO_NOTE, add_config_arguments, config_of, exit_code, train
+from rm3d_plugin.reporting.run_report import result_table
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from mmengine.config import DictAction
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.replay import RoundOfLabels, format_extremes, format_replay, source_of_run
 from rm3d_plugin.engine.run import exit_code
+from rm3d_plugin.reporting.replay import RoundOfLabels, format_extremes, format_replay, source_of_run
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

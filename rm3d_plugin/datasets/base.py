@@ -193,8 +193,8 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
 
         Returns:
             scene_id, index, num_points, points (n, 3 + channels) float32 (x, y, z, then intensity and colour where the
-            scan has them) and point_index (n,); with labels also semantic (n,), instance (n,), is_true (n,),
-            boxes (M, 7), box_labels (M,) and box_is_true (M,).
+            scan has them) and point_index (n,); with labels also semantic (n,), instance (n,), is_annotated (n,),
+            boxes (M, 7), box_labels (M,) and box_is_annotated (M,).
 
         Raises:
             SceneError: Scene or labels cannot be used, or they do not fit each other.
@@ -229,10 +229,10 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         return {
             'semantic': labels.semantic,
             'instance': labels.instance,
-            'is_true': labels.point_is_true,
+            'is_annotated': labels.point_is_annotated,
             'boxes': labels.boxes.tensor,
             'box_labels': labels.boxes.labels,
-            'box_is_true': labels.box_is_true,
+            'box_is_annotated': labels.box_is_annotated,
         }
 
     def _without_bad_scenes(self, scene_ids: tuple[str, ...]) -> tuple[str, ...]:
@@ -272,8 +272,8 @@ def _truth_labels(truth: Truth, num_points: int) -> dict[str, np.ndarray]:
     return {
         'semantic': semantic,
         'instance': nothing if truth.instance is None else truth.instance,
-        'is_true': semantic != UNLABELLED,
+        'is_annotated': semantic != UNLABELLED,
         'boxes': truth.boxes.tensor,
         'box_labels': truth.boxes.labels,
-        'box_is_true': np.ones(len(truth.boxes), dtype=bool),
+        'box_is_annotated': np.ones(len(truth.boxes), dtype=bool),
     }

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Int
 
 from rm3d_plugin.datasets.base import SceneDataset, Truth
-from rm3d_plugin.datasets.thinned import Thinned, check_voxel, thin_voxels
+from rm3d_plugin.datasets.downsampled import Thinned, check_voxel, thin_voxels
 from rm3d_plugin.storage.files import content_key
 from rm3d_plugin.storage.scene_cache import SceneCache
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, SceneError
@@ -51,8 +51,8 @@ class SegmentationDataset(SceneDataset):
 
     Args:
         split: 'train' and 'trainval' refuse labels='truth'.
-        voxel_thin: Keep one point in each cube of this edge, metres; None: every point. Predictions go back to all
-            points through :meth:`original_index`.
+        voxel_downsample: Keep one point in each cube of this edge, metres; None: every point. Predictions go back to
+            all points through :meth:`original_index`.
         cache: Folder where what is slow to read (text) is kept after the first time; None: nowhere.
         base: Arguments of :class:`SceneDataset`.
 
@@ -61,7 +61,7 @@ class SegmentationDataset(SceneDataset):
     """
 
     def __init__(
-        self, split: str, voxel_thin: float | None = None, cache: str | Path | None = None, **base: Any
+        self, split: str, voxel_downsample: float | None = None, cache: str | Path | None = None, **base: Any
     ) -> None:
         super().__init__(**base)
         if self.labels == 'truth' and split in ('train', 'trainval'):
@@ -70,7 +70,7 @@ class SegmentationDataset(SceneDataset):
                 "training reads labels='store', prediction needs labels='none'"
             )
         self.split = split
-        self.voxel_thin = None if voxel_thin is None else check_voxel(voxel_thin)
+        self.voxel_downsample = None if voxel_downsample is None else check_voxel(voxel_downsample)
         self.cache = None if cache is None else SceneCache(cache)
         self._last: tuple[int, RawScene, Thinned] | None = None
 
@@ -99,7 +99,7 @@ class SegmentationDataset(SceneDataset):
     def load_cloud(self, index: int) -> PointCloud:
         """The points of a scene, thinned where asked for; in the order of the files."""
         scene, thin = self._scene(index)
-        return scene.cloud if self.voxel_thin is None else scene.cloud.select(thin.kept)
+        return scene.cloud if self.voxel_downsample is None else scene.cloud.select(thin.kept)
 
     def load_truth(self, index: int) -> Truth:
         """Class and instance number of each point of :meth:`load_cloud`.
@@ -119,7 +119,7 @@ class SegmentationDataset(SceneDataset):
         if scene.semantic is None:
             return None
         instance = None if scene.instance is None else _renumber(scene.instance)
-        return WholeTruth(scene.semantic, instance, None if self.voxel_thin is None else thin.rows)
+        return WholeTruth(scene.semantic, instance, None if self.voxel_downsample is None else thin.rows)
 
     def why_no_truth(self, index: int) -> str:
         """What to tell who asks for labels that the files do not hold."""
@@ -158,7 +158,7 @@ class SegmentationDataset(SceneDataset):
                     )
             xyz = scene.cloud.xyz.astype(np.float64) + scene.cloud.origin
             try:
-                thin = thin_voxels(xyz, self.voxel_thin)
+                thin = thin_voxels(xyz, self.voxel_downsample)
             except ValueError as error:
                 raise SceneError(f'scene {self.scene_ids[index]}: {error}') from error
             self._last = index, scene, thin

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Int
 
 from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice, not_found
+from rm3d_plugin.datasets.downsampled import check_voxel
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes, file_key, make_cloud
 from rm3d_plugin.datasets.semantic3d_format import CLASSES, thin_scene
-from rm3d_plugin.datasets.thinned import check_voxel
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.files import DamagedFileError, read_npz, write_npz
 
@@ -57,7 +57,7 @@ class Semantic3DDataset(SegmentationDataset):
         benchmark: 'semantic-8' (15 test stations) or 'reduced-8' (4, thinned by the benchmark).
         stations: Take these instead of the split's, each of which must be there.
         holdout: Training stations to measure on; the benchmark itself names none.
-        voxel_thin: Edge of a voxel, metres. Larger: fewer points.
+        voxel_downsample: Edge of a voxel, metres. Larger: fewer points.
         classes: Names of the eight classes; their order is fixed.
         common: Arguments of :class:`SegmentationDataset` (``cache``: where the thinned scenes are kept) and
             :class:`SceneDataset`.
@@ -74,7 +74,7 @@ class Semantic3DDataset(SegmentationDataset):
         benchmark: Benchmark = 'semantic-8',
         stations: Sequence[str] | None = None,
         holdout: Sequence[str] = HOLDOUT,
-        voxel_thin: float = 0.05,
+        voxel_downsample: float = 0.05,
         classes: Sequence[str] = CLASSES,
         **common: Any,
     ) -> None:
@@ -88,7 +88,7 @@ class Semantic3DDataset(SegmentationDataset):
         self.benchmark = benchmark
         self.stations = None if stations is None else tuple(stations)
         self.holdout = tuple(holdout)
-        self.edge = check_voxel(voxel_thin)
+        self.edge = check_voxel(voxel_downsample)
         self._rows: tuple[int, list[np.ndarray]] | None = None  # of the scene read last, where there is no cache
 
     # ------------------------------------------------------------------ scenes

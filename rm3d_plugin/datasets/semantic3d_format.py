@@ -7,7 +7,7 @@ from typing import IO, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.datasets.thinned import VoxelThinner
+from rm3d_plugin.datasets.downsampled import VoxelThinner
 from rm3d_plugin.storage.text_table import BadTextError, parse_table
 from rm3d_plugin.structures import UNLABELLED, SceneError
 

@@ -13,7 +13,7 @@ from rm3d_plugin.descriptors.base import Descriptor
 from rm3d_plugin.ops._blas import one_blas_thread
 from rm3d_plugin.ops.laplacian import Eigenpairs, connected_parts, lowest_eigenpairs, point_laplacian
 from rm3d_plugin.ops.octree import Octree
-from rm3d_plugin.ops.thinning import thin_points
+from rm3d_plugin.ops.voxel_downsample import voxel_downsample_points
 from rm3d_plugin.structures import Descriptors, PointCloud
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -186,7 +186,7 @@ class SpectralDescriptor(Descriptor):
     @final
     def compute(self, cloud: PointCloud) -> Descriptors:
         """Describe every point of a cloud."""
-        samples = cloud.xyz[thin_points(cloud.xyz, self.settings.spacing)]
+        samples = cloud.xyz[voxel_downsample_points(cloud.xyz, self.settings.spacing)]
         values = np.zeros((len(samples), self.features))
         surface = np.full(len(samples), -1, dtype=np.int64)
         for number, (rows, (eigenvalues, functions)) in enumerate(surface_spectra(samples, self.settings)):

@@ -140,9 +140,9 @@ def prepare(config: Config, jobs: int = 1) -> None:
         )
     check_data(config, 'label_dataloader')
     with config_errors(config):
-        labeler = TASK_UTILS.build(hooks[0].labeler)
-    labeler.prepare(jobs)
-    print(f'geometry of {len(labeler.source.scene_ids)} scenes is in {labeler.cache.root}')
+        label_maker = TASK_UTILS.build(hooks[0].label_maker)
+    label_maker.prepare(jobs)
+    print(f'geometry of {len(label_maker.source.scene_ids)} scenes is in {label_maker.cache.root}')
 
 
 def clear_run(work_dir: Path) -> None:

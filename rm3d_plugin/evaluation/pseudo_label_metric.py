@@ -98,7 +98,7 @@ class PseudoLabelMetric(BaseMetric):
         return count_pseudo_labels(
             labels.semantic[index],
             labels.instance[index],
-            labels.point_is_true[index],
+            labels.point_is_annotated[index],
             truth.semantic,
             truth.instance,
             count,

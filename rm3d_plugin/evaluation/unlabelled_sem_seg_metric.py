@@ -16,10 +16,10 @@ from rm3d_plugin.structures import UNLABELLED
 
 @METRICS.register_module()
 class UnlabelledSemSegMetric(SemSegMetric):
-    """:class:`SemSegMetric` without the revealed points, for runs that are scored on the scenes they learn from.
+    """:class:`SemSegMetric` without the annotated points, for runs that are scored on the scenes they learn from.
 
     Args:
-        label_store: Folder of the run's label store, which tells the revealed points of each scene.
+        label_store: Folder of the run's label store, which tells the annotated points of each scene.
         keep_labels: True scores what the run says of its own scene: points with a label in the current round have that
             label, the network says only what the others are.
         settings: Arguments of :class:`SemSegMetric`.
@@ -44,7 +44,7 @@ class UnlabelledSemSegMetric(SemSegMetric):
             truth = point_truth(fields, len(rows), name)
             labels = self.label_store.read(fields['scene_id'])
             whole = slice(None) if truth.original is None else truth.original
-            semantic = np.where(labels.point_is_true[whole], UNLABELLED, truth.semantic)
+            semantic = np.where(labels.point_is_annotated[whole], UNLABELLED, truth.semantic)
             said = truth.spread(rows, -1)
             if self.keep_labels:
                 known = labels.semantic[whole]

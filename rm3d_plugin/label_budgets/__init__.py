@@ -1,7 +1,7 @@
 """Which labels training may see: drawn once, stored with a hash, and audited."""
 
 from rm3d_plugin.label_budgets.audit import (
-    RevealedPoints,
+    AnnotatedPoints,
     hide,
     hide_points,
     scramble_hidden,
@@ -24,7 +24,7 @@ __all__ = [
     'Click',
     'PointAmount',
     'PointBudget',
-    'RevealedPoints',
+    'AnnotatedPoints',
     'SceneSize',
     'budget_from_clicks',
     'clicks_of',

@@ -31,26 +31,26 @@ AnyTruth = TypeVar('AnyTruth', bound=DenseTruth)
 
 
 def hide(
-    xyz: Float[np.ndarray, 'points 3'], truth: DenseTruth, revealed: Sequence[int], complete: bool = False
+    xyz: Float[np.ndarray, 'points 3'], truth: DenseTruth, annotated: Sequence[int], complete: bool = False
 ) -> PseudoLabels:
-    """What training may see: the revealed boxes, and the points inside them.
+    """What training may see: the annotated boxes, and the points inside them.
 
-    The truth's point labels are not read: a revealed box tells the class of the points in it, and no more.
+    The truth's point labels are not read: an annotated box tells the class of the points in it, and no more.
 
     Args:
         xyz: (N, 3) metres, the scene's points.
         truth: Everything that is known of the scene.
-        revealed: Rows of ``truth.boxes``.
-        complete: True where the budget reveals everything; what has no label then is background.
+        annotated: Rows of ``truth.boxes``.
+        complete: True where the budget shows everything; what has no label then is background.
 
     Returns:
-        Labels with ``instance`` a row of the revealed boxes, in the order of ``revealed``; where two boxes hold a
+        Labels with ``instance`` a row of the annotated boxes, in the order of ``annotated``; where two boxes hold a
         point, the first has it.
 
     Raises:
         ValueError: A row is out of range or comes twice.
     """
-    rows = _check_rows(revealed, len(truth.boxes))
+    rows = _check_rows(annotated, len(truth.boxes))
     boxes = truth.boxes.select(rows)
     instance = points_in_boxes(xyz, boxes.tensor)
     inside = instance >= 0
@@ -59,30 +59,30 @@ def hide(
     return PseudoLabels(
         semantic=semantic,
         instance=instance,
-        point_is_true=inside,
+        point_is_annotated=inside,
         confidence=inside.astype(np.float32),
         boxes=boxes,
-        box_is_true=np.ones(len(boxes), dtype=bool),
+        box_is_annotated=np.ones(len(boxes), dtype=bool),
         complete=complete,
     )
 
 
-def scramble_hidden(truth: AnyTruth, revealed: Sequence[int], rng: np.random.Generator) -> AnyTruth:
+def scramble_hidden(truth: AnyTruth, annotated: Sequence[int], rng: np.random.Generator) -> AnyTruth:
     """The same truth with noise for every hidden box and every point label.
 
     Training on it must give bit-identical losses: whatever differs has leaked. All point labels are hidden, since
-    under a budget of boxes those in revealed boxes follow from the boxes alone. The number of boxes stays, since
+    under a budget of boxes those in annotated boxes follow from the boxes alone. The number of boxes stays, since
     the budget is checked against it.
 
     Args:
         truth: A frozen dataclass with ``boxes``, ``semantic`` and ``instance``.
-        revealed: Rows of ``truth.boxes`` to leave as they are.
+        annotated: Rows of ``truth.boxes`` to leave as they are.
         rng: Source of the noise.
 
     Returns:
         The same type; sizes stay positive, class numbers stay in range.
     """
-    rows = _check_rows(revealed, len(truth.boxes))
+    rows = _check_rows(annotated, len(truth.boxes))
     hidden = np.setdiff1d(np.arange(len(truth.boxes)), rows)
     tensor, labels = truth.boxes.tensor.copy(), truth.boxes.labels.copy()
     tensor[hidden, :3] += rng.normal(0.0, 10.0, size=(len(hidden), 3))
@@ -99,7 +99,7 @@ def scramble_hidden(truth: AnyTruth, revealed: Sequence[int], rng: np.random.Gen
     return scrambled
 
 
-class RevealedPoints(NamedTuple):
+class AnnotatedPoints(NamedTuple):
     """The labelled points of one scene that training may see.
 
     Attributes:
@@ -108,52 +108,52 @@ class RevealedPoints(NamedTuple):
         instance: (P,) int64 their instances, -1 = none or hidden.
     """
 
-    points: Int[np.ndarray, ' revealed']
-    semantic: Int[np.ndarray, ' revealed']
-    instance: Int[np.ndarray, ' revealed']
+    points: Int[np.ndarray, ' annotated']
+    semantic: Int[np.ndarray, ' annotated']
+    instance: Int[np.ndarray, ' annotated']
 
 
 def hide_points(
-    truth: DenseTruth, revealed: Sequence[int] | Int[np.ndarray, ' revealed'], instances: bool = True
-) -> RevealedPoints:
-    """What training may see of a scene's points: class and instance of the revealed ones that have a class.
+    truth: DenseTruth, annotated: Sequence[int] | Int[np.ndarray, ' annotated'], instances: bool = True
+) -> AnnotatedPoints:
+    """What training may see of a scene's points: class and instance of the annotated ones that have a class.
 
     Args:
         truth: Everything that is known of the scene; its boxes are not read.
-        revealed: Point numbers.
-        instances: False hides the instances of the revealed points too.
+        annotated: Point numbers.
+        instances: False hides the instances of the annotated points too.
 
     Raises:
         ValueError: The truth has no point labels, or a point is out of range or comes twice.
     """
     if truth.semantic is None:
         raise ValueError('hide_points: the truth has no point labels (semantic is None)')
-    rows = np.sort(_check_rows(revealed, len(truth.semantic), 'points'))
+    rows = np.sort(_check_rows(annotated, len(truth.semantic), 'points'))
     rows = rows[truth.semantic[rows] >= 0]
     nothing = np.full(len(rows), UNLABELLED, dtype=np.int64)
     instance = nothing if truth.instance is None or not instances else truth.instance[rows].astype(np.int64)
-    return RevealedPoints(rows, truth.semantic[rows].astype(np.int64), instance)
+    return AnnotatedPoints(rows, truth.semantic[rows].astype(np.int64), instance)
 
 
 def scramble_hidden_points(
     truth: AnyTruth,
-    revealed: Sequence[int] | Int[np.ndarray, ' revealed'],
+    annotated: Sequence[int] | Int[np.ndarray, ' annotated'],
     rng: np.random.Generator,
     instances: bool = True,
 ) -> AnyTruth:
-    """The same truth with noise for the class and instance of every point that is not revealed.
+    """The same truth with noise for the class and instance of every point that is not annotated.
 
-    Training on it must give bit-identical losses: whatever differs has leaked. Boxes stay: a budget of points reveals
+    Training on it must give bit-identical losses: whatever differs has leaked. Boxes stay: a budget of points shows
     none, and none are read.
 
     Args:
         truth: A frozen dataclass with ``semantic`` and ``instance``.
-        revealed: Point numbers to leave as they are.
+        annotated: Point numbers to leave as they are.
         rng: Source of the noise.
-        instances: False: the instances of the revealed points are hidden, so they become noise too.
+        instances: False: the instances of the annotated points are hidden, so they become noise too.
     """
     assert truth.semantic is not None
-    rows = _check_rows(revealed, len(truth.semantic), 'points')
+    rows = _check_rows(annotated, len(truth.semantic), 'points')
     noise = {}
     for name, values, kept in (('semantic', truth.semantic, True), ('instance', truth.instance, instances)):
         if values is not None:
@@ -165,15 +165,15 @@ def scramble_hidden_points(
 
 
 def _check_rows(
-    revealed: Sequence[int] | Int[np.ndarray, ' revealed'], count: int, things: str = 'boxes'
-) -> Int[np.ndarray, ' revealed']:
-    rows = np.asarray(revealed, dtype=np.int64).reshape(-1)
+    annotated: Sequence[int] | Int[np.ndarray, ' annotated'], count: int, things: str = 'boxes'
+) -> Int[np.ndarray, ' annotated']:
+    rows = np.asarray(annotated, dtype=np.int64).reshape(-1)
     if len(rows) and (rows.min() < 0 or rows.max() >= count):
-        raise ValueError(f'revealed: expected rows of {count} {things}, got {_few(rows)}; draw the label budget again')
+        raise ValueError(f'annotated: expected rows of {count} {things}, got {_few(rows)}; draw the label budget again')
     if len(np.unique(rows)) != len(rows):
-        raise ValueError(f'revealed: a row comes twice in {_few(rows)}')
+        raise ValueError(f'annotated: a row comes twice in {_few(rows)}')
     return rows
 
 
-def _few(rows: Int[np.ndarray, ' revealed']) -> str:
+def _few(rows: Int[np.ndarray, ' annotated']) -> str:
     return str(rows.tolist()) if len(rows) <= 20 else f'{rows[:20].tolist()} ... ({rows.min()} to {rows.max()})'

@@ -24,17 +24,19 @@ def class_counts(arrays: Sequence[Int[np.ndarray, ' labels']]) -> dict[int, int]
 
 
 def class_lines(
-    revealed: Mapping[int, int], total: Mapping[int, int], classes: Sequence[str] | None = None
+    annotated: Mapping[int, int], total: Mapping[int, int], classes: Sequence[str] | None = None
 ) -> list[str]:
-    """One line a class: revealed labels of those there are.
+    """One line a class: annotated labels of those there are.
 
     Args:
-        revealed: Class number -> revealed labels.
+        annotated: Class number -> annotated labels.
         total: Class number -> labels there are.
         classes: Class names, for readable lines.
     """
     names = {number: classes[number] if classes is not None else f'class {number}' for number in total}
-    return [f'  {names[number]:<16} {revealed.get(number, 0):>6} of {there}' for number, there in sorted(total.items())]
+    return [
+        f'  {names[number]:<16} {annotated.get(number, 0):>6} of {there}' for number, there in sorted(total.items())
+    ]
 
 
 def by_text(counts: Mapping[int, int]) -> dict[str, int]:

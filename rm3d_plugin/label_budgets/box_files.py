@@ -24,11 +24,11 @@ def load_box_budget(path: str | Path) -> BoxBudget:
 
 def _from_content(content: Mapping[str, Any]) -> tuple[BoxBudget, str]:
     budget = BoxBudget(
-        revealed={name: tuple(rows) for name, rows in content['revealed'].items()},
+        annotated={name: tuple(rows) for name, rows in content['annotated'].items()},
         complete=content['complete'],
         seed=content['seed'],
         amount=BoxAmount(**content['amount']),
-        revealed_per_class=by_number(content['revealed_per_class']),
+        annotated_per_class=by_number(content['annotated_per_class']),
         total_per_class=by_number(content['total_per_class']),
         boxes_per_scene=content['boxes_per_scene'],
     )

@@ -1,4 +1,4 @@
-"""Drawing which boxes are revealed to training (METHOD 8): once, by seed, stored with a hash."""
+"""Drawing which boxes are annotated to training (METHOD 8): once, by seed, stored with a hash."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,12 +16,12 @@ FORMAT_VERSION = 1
 
 @dataclass(frozen=True)
 class BoxAmount:
-    """How many boxes are revealed: exactly one of the two.
+    """How many boxes are annotated: exactly one of the two.
 
     Attributes:
         per_scene: Boxes for each scene on average (0.2 = two per ten scenes).
-        fraction: Share of all boxes in (0, 1]; 1 reveals everything, and scenes then count as completely labelled.
-        alike: Classes take turns, so that each has as many revealed boxes as another while it has usable ones, as a
+        fraction: Share of all boxes in (0, 1]; 1 shows everything, and scenes then count as completely labelled.
+        alike: Classes take turns, so that each has as many annotated boxes as another while it has usable ones, as a
             person would choose who labels a few; False: frequent classes are drawn more often.
     """
 
@@ -43,7 +43,7 @@ class BoxAmount:
         return self.fraction == 1
 
     def count(self, scenes: int, boxes: int) -> int:
-        """Boxes to reveal, at least one."""
+        """Boxes to show, at least one."""
         wanted = self.per_scene * scenes if self.per_scene is not None else (self.fraction or 0.0) * boxes
         return max(1, round(wanted))
 
@@ -61,21 +61,21 @@ class BoxBudget:
     """Which boxes training may see.
 
     Attributes:
-        revealed: Scene -> rows of its truth's boxes, ascending; every scene has an entry.
-        complete: True where every box of every scene is revealed, so that what has none is background.
+        annotated: Scene -> rows of its truth's boxes, ascending; every scene has an entry.
+        complete: True where every box of every scene is annotated, so that what has none is background.
         seed: The seed it was drawn with.
         amount: How much was asked for.
-        revealed_per_class: Class number -> revealed boxes.
+        annotated_per_class: Class number -> annotated boxes.
         total_per_class: Class number -> boxes there are.
         boxes_per_scene: Scene -> boxes there are; :meth:`rows` checks it.
         hash: Of all of the above.
     """
 
-    revealed: Mapping[str, tuple[int, ...]]
+    annotated: Mapping[str, tuple[int, ...]]
     complete: bool
     seed: int
     amount: BoxAmount
-    revealed_per_class: Mapping[int, int]
+    annotated_per_class: Mapping[int, int]
     total_per_class: Mapping[int, int]
     boxes_per_scene: Mapping[str, int]
     hash: str = field(init=False)
@@ -84,21 +84,21 @@ class BoxBudget:
         object.__setattr__(self, 'hash', content_key('BoxBudget', FORMAT_VERSION, self.to_plain()))
 
     def rows(self, scene_id: str, boxes: int) -> tuple[int, ...]:
-        """Revealed rows of a scene that has ``boxes`` boxes.
+        """Annotated rows of a scene that has ``boxes`` boxes.
 
         Raises:
             BudgetError: The budget was drawn from other scenes, or this scene has other boxes now.
         """
-        if scene_id not in self.revealed:
+        if scene_id not in self.annotated:
             raise BudgetError(
-                f'scene {scene_id}: not in this label budget of {len(self.revealed)} scenes; draw it again'
+                f'scene {scene_id}: not in this label budget of {len(self.annotated)} scenes; draw it again'
             )
         if self.boxes_per_scene[scene_id] != boxes:
             raise BudgetError(
                 f'scene {scene_id}: the label budget was drawn from {self.boxes_per_scene[scene_id]} boxes, the scene '
                 f'has {boxes}; classes, range or data changed, draw the budget again'
             )
-        return self.revealed[scene_id]
+        return self.annotated[scene_id]
 
     def to_plain(self) -> dict[str, Any]:
         """Everything but the hash as plain JSON values."""
@@ -106,16 +106,16 @@ class BoxBudget:
             'seed': self.seed,
             'complete': self.complete,
             'amount': _plain_amount(self.amount),
-            'revealed_per_class': by_text(self.revealed_per_class),
+            'annotated_per_class': by_text(self.annotated_per_class),
             'total_per_class': by_text(self.total_per_class),
             'boxes_per_scene': dict(self.boxes_per_scene),
-            'revealed': {name: list(rows) for name, rows in self.revealed.items()},
+            'annotated': {name: list(rows) for name, rows in self.annotated.items()},
         }
 
     @property
-    def revealed_count(self) -> int:
-        """Revealed boxes over all scenes."""
-        return sum(len(rows) for rows in self.revealed.values())
+    def annotated_count(self) -> int:
+        """Annotated boxes over all scenes."""
+        return sum(len(rows) for rows in self.annotated.values())
 
     def summary(self, classes: Sequence[str] | None = None) -> str:
         """A few lines for the console.
@@ -124,13 +124,13 @@ class BoxBudget:
             classes: Class names, for readable lines.
         """
         total = sum(self.total_per_class.values())
-        used = sum(bool(rows) for rows in self.revealed.values())
-        share = 100 * self.revealed_count / total if total else 0.0
+        used = sum(bool(rows) for rows in self.annotated.values())
+        share = 100 * self.annotated_count / total if total else 0.0
         head = (
-            f'Label budget {self.hash[:8]}, seed {self.seed}: {self.revealed_count} of {total} boxes ({share:.2f} %) '
-            f'in {used} of {len(self.revealed)} scenes'
+            f'Label budget {self.hash[:8]}, seed {self.seed}: {self.annotated_count} of {total} boxes ({share:.2f} %) '
+            f'in {used} of {len(self.annotated)} scenes'
         )
-        return '\n'.join([head, *class_lines(self.revealed_per_class, self.total_per_class, classes)])
+        return '\n'.join([head, *class_lines(self.annotated_per_class, self.total_per_class, classes)])
 
 
 def draw_box_budget(
@@ -152,7 +152,7 @@ def draw_box_budget(
         amount: How many, or a name of BOX_BUDGETS.
         seed: Chooses the draw.
         lidar_points: Scene -> points in each box; needed for ``min_points`` to matter.
-        min_points: Boxes with fewer points are usable only where everything is revealed.
+        min_points: Boxes with fewer points are usable only where everything is annotated.
 
     Returns:
         The budget; fewer boxes than asked for where fewer are usable.
@@ -173,13 +173,13 @@ def draw_box_budget(
         pick = _pick_alike if amount.alike else _pick
         picked = order[pick(scene_of[order], class_of[order], count)]
         chosen = {name: tuple(sorted(row_of[picked[scene_of[picked] == i]].tolist())) for i, name in enumerate(scenes)}
-    revealed = [labels[name][list(chosen[name])] for name in scenes]
+    annotated = [labels[name][list(chosen[name])] for name in scenes]
     return BoxBudget(
-        revealed=chosen,
+        annotated=chosen,
         complete=amount.everything,
         seed=seed,
         amount=amount,
-        revealed_per_class=class_counts(revealed),
+        annotated_per_class=class_counts(annotated),
         total_per_class=class_counts(list(labels.values())),
         boxes_per_scene={name: len(labels[name]) for name in scenes},
     )
@@ -214,7 +214,7 @@ def _usable(
     if len(class_of) == 0:
         total = sum(len(classes) for classes in labels.values())
         raise BudgetError(
-            f'no box can be revealed: {len(labels)} scenes hold {total} boxes, none with {min_points} points; '
+            f'no box can be annotated: {len(labels)} scenes hold {total} boxes, none with {min_points} points; '
             'check classes and range, or lower min_points'
         )
     return scene_of, row_of, class_of

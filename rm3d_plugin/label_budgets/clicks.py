@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.label_budgets.audit import RevealedPoints
+from rm3d_plugin.label_budgets.audit import AnnotatedPoints
 from rm3d_plugin.label_budgets.base import BudgetError, class_counts
 from rm3d_plugin.label_budgets.point_amount import PointAmount
 from rm3d_plugin.label_budgets.points import PointBudget, RowsOf, SceneSize, checked_budget
@@ -86,10 +86,10 @@ def budget_from_clicks(
     tolerance: float = TOLERANCE,
     rows_of: RowsOf | None = None,
 ) -> PointBudget:
-    """The budget that reveals what was clicked; the truth is not needed.
+    """The budget that shows what was clicked; the truth is not needed.
 
     Args:
-        scene_ids: Names of all scenes; those without a click reveal nothing.
+        scene_ids: Names of all scenes; those without a click show nothing.
         cloud_of: The points of a scene; each is asked for once.
         clicks: The labels.
         amount: Kept with the budget; with ``instances`` False the clicked instances are dropped.
@@ -109,16 +109,16 @@ def budget_from_clicks(
                 f'{", ".join(list(by_scene)[:5])}{" ..." if len(by_scene) > 5 else ""}'
             )
         by_scene[click.scene].append(click)
-    revealed, sizes = {}, {}
+    annotated, sizes = {}, {}
     for scene, own in by_scene.items():
         cloud = cloud_of(scene)
-        revealed[scene] = resolve_clicks(
+        annotated[scene] = resolve_clicks(
             own, cloud, tolerance, amount.instances, None if rows_of is None else rows_of(scene)
         )
-        number = np.unique(revealed[scene].instance[revealed[scene].instance >= 0])
-        sizes[scene] = SceneSize(len(cloud), len(revealed[scene].points), len(number))
-    counts = class_counts([points.semantic for points in revealed.values()])
-    return checked_budget(revealed, frozenset(), seed, amount, counts, counts, sizes)
+        number = np.unique(annotated[scene].instance[annotated[scene].instance >= 0])
+        sizes[scene] = SceneSize(len(cloud), len(annotated[scene].points), len(number))
+    counts = class_counts([points.semantic for points in annotated.values()])
+    return checked_budget(annotated, frozenset(), seed, amount, counts, counts, sizes)
 
 
 def resolve_clicks(
@@ -127,7 +127,7 @@ def resolve_clicks(
     tolerance: float = TOLERANCE,
     instances: bool = True,
     rows: Int[np.ndarray, ' original'] | None = None,
-) -> RevealedPoints:
+) -> AnnotatedPoints:
     """The points of one scene that were clicked; see :func:`budget_from_clicks` for the arguments.
 
     Raises:
@@ -144,17 +144,17 @@ def resolve_clicks(
     index = np.asarray(sorted(labels), dtype=np.int64)
     semantic = np.asarray([labels[number].semantic for number in index.tolist()], dtype=np.int64)
     instance = np.asarray([labels[number].instance for number in index.tolist()], dtype=np.int64)
-    return RevealedPoints(index, semantic, instance if instances else np.full_like(instance, -1))
+    return AnnotatedPoints(index, semantic, instance if instances else np.full_like(instance, -1))
 
 
 def clicks_of(
-    scene: str, revealed: RevealedPoints, cloud: PointCloud, rows: Int[np.ndarray, ' original'] | None = None
+    scene: str, annotated: AnnotatedPoints, cloud: PointCloud, rows: Int[np.ndarray, ' original'] | None = None
 ) -> list[Click]:
-    """Revealed points as clicks, with their number in the original file (see :func:`budget_from_clicks`) and place."""
+    """Annotated points as clicks, with their number in the original file (see :func:`budget_from_clicks`) and place."""
     kept = np.arange(len(cloud)) if rows is None else np.unique(rows, return_index=True)[1]  # a voxel's first point
-    world = cloud.xyz[revealed.points].astype(np.float64) + np.asarray(cloud.origin)
-    numbers = kept[revealed.points].tolist()
-    labels = zip(revealed.semantic.tolist(), revealed.instance.tolist(), strict=True)
+    world = cloud.xyz[annotated.points].astype(np.float64) + np.asarray(cloud.origin)
+    numbers = kept[annotated.points].tolist()
+    labels = zip(annotated.semantic.tolist(), annotated.instance.tolist(), strict=True)
     return [
         Click(scene, semantic, instance, number, (x, y, z))
         for number, (semantic, instance), (x, y, z) in zip(numbers, labels, world.tolist(), strict=True)

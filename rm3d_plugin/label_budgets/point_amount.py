@@ -1,4 +1,4 @@
-"""How many points a budget reveals, and the names by which users ask for it (METHOD 8)."""
+"""How many points a budget shows, and the names by which users ask for it (METHOD 8)."""
 
 import ast
 import re
@@ -21,7 +21,7 @@ KNOWN_NAMES = (
 
 @dataclass(frozen=True)
 class PointAmount:
-    """How much is revealed: exactly one field beside ``instances`` is given.
+    """How much is annotated: exactly one field beside ``instances`` is given.
 
     Attributes:
         percent: Share of the labelled points of every scene in (0, 100], in per cent; at least one point of each class
@@ -34,7 +34,7 @@ class PointAmount:
         point_list: File of points for each scene, see :func:`rm3d_plugin.label_budgets.read_point_list`.
         scene_list: Text file of the scenes that are labelled completely, one name a line.
         clicks: File of labels that a person gave, see :func:`rm3d_plugin.label_budgets.read_clicks`.
-        instances: False hides the instance numbers (unsupervised instances); classes are revealed all the same.
+        instances: False hides the instance numbers (unsupervised instances); classes are annotated all the same.
 
     Raises:
         ValueError: None or several are given, or one is out of range.
@@ -67,12 +67,12 @@ class PointAmount:
 
     @property
     def everything(self) -> bool:
-        """True where every label is revealed."""
+        """True where every label is annotated."""
         return 100 in (self.percent, self.scene_percent)
 
     @property
     def file(self) -> str | None:
-        """The file that says what is revealed; None where it is drawn."""
+        """The file that says what is annotated; None where it is drawn."""
         return self.point_list or self.scene_list or self.clicks
 
     def to_plain(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Point budgets on disk: JSON that a person can read, and the revealed points beside it in an npz file."""
+"""Point budgets on disk: JSON that a person can read, and the annotated points beside it in an npz file."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rm3d_plugin.label_budgets.audit import RevealedPoints
+from rm3d_plugin.label_budgets.audit import AnnotatedPoints
 from rm3d_plugin.label_budgets.base import BudgetError, by_number, read_budget, write_budget
 from rm3d_plugin.label_budgets.point_amount import PointAmount
 from rm3d_plugin.label_budgets.points import FORMAT_VERSION, PointBudget, SceneSize
@@ -20,11 +20,11 @@ def save_point_budget(path: str | Path, budget: PointBudget) -> None:
     scenes in the order of the JSON file's ``sizes``.
     """
     path = Path(path)
-    scenes = list(budget.revealed.values())
+    scenes = list(budget.annotated.values())
     sizes = [len(scene.points) for scene in scenes]
     arrays = {
         name: np.concatenate([np.zeros(0, dtype=np.int64), *(getattr(scene, name) for scene in scenes)])
-        for name in RevealedPoints._fields
+        for name in AnnotatedPoints._fields
     }
     write_npz(_points_file(path), {'offsets': np.cumsum([0, *sizes]), **arrays})
     write_budget(path, FORMAT_VERSION, budget.hash, {'kind': 'points', **budget.to_plain()})
@@ -66,16 +66,16 @@ def _from_content(content: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) 
     scenes, offsets = list(content['sizes']), arrays['offsets']
     if len(offsets) != len(scenes) + 1:
         raise KeyError(f'{len(offsets) - 1} scenes in the npz file, {len(scenes)} in the JSON file')
-    revealed = {
-        scene: RevealedPoints(*(arrays[name][offsets[i] : offsets[i + 1]] for name in RevealedPoints._fields))
+    annotated = {
+        scene: AnnotatedPoints(*(arrays[name][offsets[i] : offsets[i + 1]] for name in AnnotatedPoints._fields))
         for i, scene in enumerate(scenes)
     }
     return PointBudget(
-        revealed=revealed,
+        annotated=annotated,
         complete=frozenset(content['complete']),
         seed=content['seed'],
         amount=PointAmount(**content['amount']),
-        revealed_per_class=by_number(content['revealed_per_class']),
+        annotated_per_class=by_number(content['annotated_per_class']),
         total_per_class=by_number(content['total_per_class']),
         sizes={scene: SceneSize(*size) for scene, size in content['sizes'].items()},
     )

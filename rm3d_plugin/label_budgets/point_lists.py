@@ -25,7 +25,7 @@ def import_point_list(
     """The budget that the ``point_list`` or ``scene_list`` of an amount says.
 
     Args:
-        scene_ids: Names of all scenes; those that the list lacks reveal nothing.
+        scene_ids: Names of all scenes; those that the list lacks show nothing.
         truth_of: The truth of a scene; each is asked for once.
         amount: Names the file.
         seed: Kept with the budget; of no other effect.

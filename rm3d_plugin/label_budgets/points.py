@@ -1,4 +1,4 @@
-"""Drawing which points are revealed to training (METHOD 8): once, by seed, stored with their labels and a hash."""
+"""Drawing which points are annotated to training (METHOD 8): once, by seed, stored with their labels and a hash."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from rm3d_plugin.label_budgets.audit import DenseTruth, RevealedPoints, hide_points
+from rm3d_plugin.label_budgets.audit import AnnotatedPoints, DenseTruth, hide_points
 from rm3d_plugin.label_budgets.base import BudgetError, by_text, class_lines
 from rm3d_plugin.label_budgets.point_amount import PointAmount, point_amount
 from rm3d_plugin.storage.files import content_key
@@ -31,28 +31,28 @@ class PointBudget:
     """Which points training may see, with their labels.
 
     Attributes:
-        revealed: Scene -> revealed points. Every scene has an entry; that of a complete scene is empty, since there
-            everything is revealed.
+        annotated: Scene -> annotated points. Every scene has an entry; that of a complete scene is empty, since there
+            everything is annotated.
         complete: Scenes that are labelled completely.
         seed: The seed it was drawn with.
         amount: How much was asked for.
-        revealed_per_class: Class number -> revealed points.
+        annotated_per_class: Class number -> annotated points.
         total_per_class: Class number -> points there are.
         sizes: Scene -> its points and instances; :meth:`points_of` checks it.
         hash: Of all of the above.
     """
 
-    revealed: Mapping[str, RevealedPoints]
+    annotated: Mapping[str, AnnotatedPoints]
     complete: frozenset[str]
     seed: int
     amount: PointAmount
-    revealed_per_class: Mapping[int, int]
+    annotated_per_class: Mapping[int, int]
     total_per_class: Mapping[int, int]
     sizes: Mapping[str, SceneSize]
     hash: str = field(init=False)
 
     def __post_init__(self) -> None:
-        rows = {name: list(scene) for name, scene in self.revealed.items()}
+        rows = {name: list(scene) for name, scene in self.annotated.items()}
         object.__setattr__(self, 'hash', content_key('PointBudget', FORMAT_VERSION, self.to_plain(), rows))
 
     def check(self, scene_id: str, points: int) -> None:
@@ -65,8 +65,8 @@ class PointBudget:
                 f'has {points}; cropping, thinning or data changed, draw the budget again'
             )
 
-    def points_of(self, scene_id: str, points: int) -> RevealedPoints:
-        """Revealed points of a scene that is not complete and has ``points`` points.
+    def points_of(self, scene_id: str, points: int) -> AnnotatedPoints:
+        """Annotated points of a scene that is not complete and has ``points`` points.
 
         Raises:
             BudgetError: The budget was drawn from other scenes, or this scene has other points now.
@@ -75,23 +75,23 @@ class PointBudget:
         self.check(scene_id, points)
         if scene_id in self.complete:
             raise ValueError(f'scene {scene_id} is labelled completely; its labels are those of its truth')
-        return self.revealed[scene_id]
+        return self.annotated[scene_id]
 
     def to_plain(self) -> dict[str, Any]:
         """Everything but the hash and the points as plain JSON values."""
         return {
             'seed': self.seed,
             'amount': self.amount.to_plain(),
-            'revealed_per_class': by_text(self.revealed_per_class),
+            'annotated_per_class': by_text(self.annotated_per_class),
             'total_per_class': by_text(self.total_per_class),
             'complete': sorted(self.complete),
             'sizes': {name: list(size) for name, size in self.sizes.items()},
         }
 
     @property
-    def revealed_count(self) -> int:
-        """Revealed points over all scenes."""
-        return sum(self.revealed_per_class.values())
+    def annotated_count(self) -> int:
+        """Annotated points over all scenes."""
+        return sum(self.annotated_per_class.values())
 
     def summary(self, classes: Sequence[str] | None = None) -> str:
         """A few lines for the console.
@@ -100,15 +100,15 @@ class PointBudget:
             classes: Class names, for readable lines.
         """
         total = sum(self.total_per_class.values())
-        used = sum(name in self.complete or len(scene.points) > 0 for name, scene in self.revealed.items())
-        share = 100 * self.revealed_count / total if total else 0.0
+        used = sum(name in self.complete or len(scene.points) > 0 for name, scene in self.annotated.items())
+        share = 100 * self.annotated_count / total if total else 0.0
         whole = f', {len(self.complete)} of them completely' if self.complete else ''
         hidden = '' if self.amount.instances else '; instances stay hidden'
         head = (
-            f'Label budget {self.hash[:8]}, seed {self.seed}: {self.revealed_count} of {total} labelled points '
+            f'Label budget {self.hash[:8]}, seed {self.seed}: {self.annotated_count} of {total} labelled points '
             f'({share:.3g} %) in {used} of {len(self.sizes)} scenes{whole}{hidden}'
         )
-        return '\n'.join([head, *class_lines(self.revealed_per_class, self.total_per_class, classes)])
+        return '\n'.join([head, *class_lines(self.annotated_per_class, self.total_per_class, classes)])
 
 
 def draw_point_budget(
@@ -128,11 +128,11 @@ def draw_point_budget(
         seed: Chooses the draw.
 
     Raises:
-        BudgetError: A scene has no point labels, there is nothing to reveal, or the amount names a file.
+        BudgetError: A scene has no point labels, there is nothing to show, or the amount names a file.
     """
     amount = point_amount(amount)
     if amount.file is not None:
-        raise BudgetError(f'label budget: {amount.file} says what is revealed, so there is nothing to draw; import it')
+        raise BudgetError(f'label budget: {amount.file} says what is annotated, so there is nothing to draw; import it')
     complete = complete_scenes(scene_ids, amount, seed)
 
     def choose(scene: str, semantic: np.ndarray, instance: np.ndarray) -> np.ndarray:
@@ -157,50 +157,50 @@ def collect_budget(
     Args:
         scene_ids: Names of all scenes.
         truth_of: The truth of a scene.
-        choose: From scene, classes and instances of all its points to the numbers of the revealed ones.
+        choose: From scene, classes and instances of all its points to the numbers of the annotated ones.
         complete: Scenes that are labelled completely.
         amount: What was asked for; kept with the budget.
         seed: Kept with the budget.
 
     Raises:
-        BudgetError: A scene has no point labels, or nothing at all is revealed.
+        BudgetError: A scene has no point labels, or nothing at all is annotated.
     """
-    revealed, sizes = {}, {}
+    annotated, sizes = {}, {}
     found, there = [], []
     for scene in sorted(scene_ids):
         truth = truth_of(scene)
         if truth.semantic is None:
-            raise BudgetError(f'scene {scene}: has no point labels, so none can be revealed; leave the scene out')
+            raise BudgetError(f'scene {scene}: has no point labels, so none can be annotated; leave the scene out')
         semantic = np.asarray(truth.semantic, dtype=np.int64)
         instance = np.full(len(semantic), -1) if truth.instance is None else np.asarray(truth.instance)
         rows = np.zeros(0, dtype=np.int64) if scene in complete else choose(scene, semantic, instance)
-        revealed[scene] = hide_points(truth, rows, amount.instances)
+        annotated[scene] = hide_points(truth, rows, amount.instances)
         sizes[scene] = _size(semantic, instance)
         there.append(_counts_array(semantic))
-        found.append(there[-1] if scene in complete else _counts_array(revealed[scene].semantic))
-    return checked_budget(revealed, frozenset(complete), seed, amount, _add(found), _add(there), sizes)
+        found.append(there[-1] if scene in complete else _counts_array(annotated[scene].semantic))
+    return checked_budget(annotated, frozenset(complete), seed, amount, _add(found), _add(there), sizes)
 
 
 def checked_budget(
-    revealed: Mapping[str, RevealedPoints],
+    annotated: Mapping[str, AnnotatedPoints],
     complete: frozenset[str],
     seed: int,
     amount: PointAmount,
-    revealed_per_class: Mapping[int, int],
+    annotated_per_class: Mapping[int, int],
     total_per_class: Mapping[int, int],
     sizes: Mapping[str, SceneSize],
 ) -> PointBudget:
-    """A budget that reveals something.
+    """A budget that shows something.
 
     Raises:
-        BudgetError: It reveals nothing.
+        BudgetError: It shows nothing.
     """
-    if not sum(revealed_per_class.values()):
+    if not sum(annotated_per_class.values()):
         raise BudgetError(
-            f'no point can be revealed: {len(sizes)} scenes hold {sum(total_per_class.values())} labelled points; '
+            f'no point can be annotated: {len(sizes)} scenes hold {sum(total_per_class.values())} labelled points; '
             'check the data set, its classes and the budget'
         )
-    return PointBudget(revealed, complete, seed, amount, revealed_per_class, total_per_class, sizes)
+    return PointBudget(annotated, complete, seed, amount, annotated_per_class, total_per_class, sizes)
 
 
 def draw_points(
@@ -209,7 +209,7 @@ def draw_points(
     amount: PointAmount,
     rng: np.random.Generator,
 ) -> Int[np.ndarray, ' drawn']:
-    """Numbers of the points to reveal in one scene, ascending.
+    """Numbers of the points to show in one scene, ascending.
 
     Args:
         semantic: Class of each point, -1 = none; such points are never drawn.

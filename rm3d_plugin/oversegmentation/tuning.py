@@ -1,4 +1,4 @@
-"""Settings of an over-segmenter from the weak labels alone: least conflicts at a target count (METHOD 5)."""
+"""Settings of an over-segmenter from the annotated labels alone: least conflicts at a target count (METHOD 5)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ SLACK = 1.25  # region counts within this factor of the target are at the target
 
 
 class Score(NamedTuple):
-    """A partition against weak labels; scenes are added up.
+    """A partition against annotated labels; scenes are added up.
 
     Attributes:
         regions: How many.
@@ -54,22 +54,22 @@ class Tuning:
     trials: tuple[Trial, ...]
 
 
-def score_regions(regions: Int[np.ndarray, ' points'], weak_labels: Int[np.ndarray, ' points']) -> Score:
+def score_regions(regions: Int[np.ndarray, ' points'], annotated_labels: Int[np.ndarray, ' points']) -> Score:
     """Count the regions of one scene, and the labels that disagree with most others of their region.
 
     Points are counted, not regions: a scene that has run together into one region would have a single conflict.
 
     Args:
         regions: Region of each point, -1 = discarded; what is labelled there is not counted.
-        weak_labels: Class of each labelled point, -1 = not labelled.
+        annotated_labels: Class of each labelled point, -1 = not labelled.
 
     Raises:
         ValueError: The lengths differ.
     """
-    if len(regions) != len(weak_labels):
-        raise ValueError(f'score_regions: {len(regions)} points, but {len(weak_labels)} weak labels')
-    kept = (regions >= 0) & (weak_labels >= 0)
-    pairs, counts = np.unique(np.stack([regions[kept], weak_labels[kept]]), axis=1, return_counts=True)
+    if len(regions) != len(annotated_labels):
+        raise ValueError(f'score_regions: {len(regions)} points, but {len(annotated_labels)} annotated labels')
+    kept = (regions >= 0) & (annotated_labels >= 0)
+    pairs, counts = np.unique(np.stack([regions[kept], annotated_labels[kept]]), axis=1, return_counts=True)
     _, first = np.unique(pairs[0], return_index=True)
     agreeing = np.maximum.reduceat(counts, first).sum() if len(first) else 0
     number = len(np.unique(regions[regions >= 0]))
@@ -161,7 +161,7 @@ def tune_options(
 def tune_region_growing(
     clouds: Sequence[PointCloud],
     descriptors: Sequence[Descriptors],
-    weak_labels: Sequence[Int[np.ndarray, ' points']],
+    annotated_labels: Sequence[Int[np.ndarray, ' points']],
     target_regions: int,
     base: Mapping[str, Any] | None = None,
     zetas: Sequence[float] = ZETAS,
@@ -169,7 +169,7 @@ def tune_region_growing(
     steps: int = STEPS,
     slack: float = SLACK,
 ) -> Tuning:
-    """Theta and zeta of region growing from weak labels alone: least conflicts at a target count (METHOD 5).
+    """Theta and zeta of region growing from annotated labels alone: least conflicts at a target count (METHOD 5).
 
     For each zeta the angle theta is halved down to the target; ``len(zetas) * steps`` partitions a scene. Labels do
     not seed the growing here, so that they can tell where it goes wrong. The same input gives the same result.
@@ -177,7 +177,7 @@ def tune_region_growing(
     Args:
         clouds: Scenes; give them normals and curvature, or every partition estimates them anew.
         descriptors: Of each scene, one row a point.
-        weak_labels: Of each scene, class of each point, -1 = not labelled.
+        annotated_labels: Of each scene, class of each point, -1 = not labelled.
         target_regions: Regions wanted in all scenes together.
         base: Further arguments of :class:`RegionGrowing`; ground is taken off where they say so.
         zetas: Choices of zeta (Condition 2).
@@ -192,16 +192,16 @@ def tune_region_growing(
         ValueError: The scenes, descriptors and labels do not fit each other, no point is labelled, or a number is out
             of range.
     """
-    if not len(clouds) == len(descriptors) == len(weak_labels) or not len(clouds):
+    if not len(clouds) == len(descriptors) == len(annotated_labels) or not len(clouds):
         raise ValueError(
             f'tune_region_growing: expected as many of each, at least one; got {len(clouds)} clouds, '
-            f'{len(descriptors)} descriptors, {len(weak_labels)} weak labels'
+            f'{len(descriptors)} descriptors, {len(annotated_labels)} annotated labels'
         )
-    if not any((np.asarray(labels) >= 0).any() for labels in weak_labels):
+    if not any((np.asarray(labels) >= 0).any() for labels in annotated_labels):
         raise ValueError('tune_region_growing: no point is labelled, so no conflict can be seen; label some points')
     fixed = {name: value for name, value in (base or {}).items() if name not in ('threshold', 'theta', 'zeta')}
     ground = RegionGrowing(ground=fixed.pop('ground', None))
-    scenes = [_above_ground(ground, *scene) for scene in zip(clouds, descriptors, weak_labels, strict=True)]
+    scenes = [_above_ground(ground, *scene) for scene in zip(clouds, descriptors, annotated_labels, strict=True)]
 
     def score_of(options: Mapping[str, float]) -> Score:
         segmenter = RegionGrowing(**{**fixed, **options})
@@ -214,18 +214,18 @@ def tune_region_growing(
 
 
 def _above_ground(
-    segmenter: RegionGrowing, cloud: PointCloud, descriptors: Descriptors, weak_labels: Int[np.ndarray, ' points']
+    segmenter: RegionGrowing, cloud: PointCloud, descriptors: Descriptors, annotated_labels: Int[np.ndarray, ' points']
 ) -> tuple[PointCloud, Descriptors, Int[np.ndarray, ' kept']]:
     """One scene without its ground.
 
     Raises:
         ValueError: The lengths differ.
     """
-    labels = np.asarray(weak_labels)
+    labels = np.asarray(annotated_labels)
     if not len(cloud) == len(descriptors) == len(labels):
         raise ValueError(
             f'tune_region_growing: a scene of {len(cloud)} points has {len(descriptors)} descriptors and '
-            f'{len(labels)} weak labels; expected one of each a point'
+            f'{len(labels)} annotated labels; expected one of each a point'
         )
     kept = np.flatnonzero(~segmenter.find_ground(cloud))
     return cloud.select(kept), Descriptors(descriptors.values[kept], descriptors.valid[kept]), labels[kept]

@@ -44,7 +44,7 @@ class MergeLedger:
         round: (E,) int64.
         reason: (E,) int64 :class:`Reason`.
         known: What the decisions were made from, by name, where the writer keeps it (see
-            :class:`~rm3d_plugin.pseudo_labels.record.RefreshRecord`); needed to replay a round.
+            :class:`~rm3d_plugin.pseudo_labels.common.record.RefreshRecord`); needed to replay a round.
     """
 
     region_a: Int[np.ndarray, ' edges']

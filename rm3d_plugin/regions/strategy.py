@@ -63,49 +63,53 @@ class MergeStrategy:
             each point the class of the labelled point 'nearest' to it in place and colour.
         near_place: Metres that count as much as ``near_color`` in that, and in the next.
         near_color: RGB difference, of 1, that counts as much as ``near_place``.
-        spread_color: RGB difference, of 1, from the near and alike revealed point of a region up to which its points
-            take a revealed class; the rest of the region asks the network. Smaller: fewer and purer labels. None: no
+        spread_color: RGB difference, of 1, from the near and alike annotated point of a region up to which its points
+            take an annotated class; the rest of the region asks the network. Smaller: fewer and purer labels. None: no
             limit. Segmentation of coloured scans only.
-        spread_extent: A revealed point speaks for its region only where that is at most this many times as long as the
-            regions of its class usually are (their median over all training scenes); else for itself alone, and the
+        spread_extent: An annotated point speaks for its region only where that is at most this many times as long as
+            the regions of its class usually are (their median over all training scenes); else for itself alone, and the
             region asks the network. Smaller: fewer and purer labels. None: no limit. Segmentation only.
         region_prior: Multiply the network's softmax with what each region may be by its shape, its colour and how near
-            revealed points lie (see :mod:`rm3d_plugin.pseudo_labels.prior`); in the first round that stands alone. A
-            class of which a scene holds no revealed point is out, which is true of budgets that reveal one of each
+            annotated points lie (see :mod:`rm3d_plugin.pseudo_labels.region_prior.prior`); in the first round that
+            stands alone. A
+            class of which a scene holds no annotated point is out, which is true of budgets that show one of each
             class there is, as all budgets of points here do, and not of clicks that leave out a class. Segmentation
             only.
         prior_looks: With ``region_prior``: what shapes say. 'neighbors': the most alike labelled regions vote, and
             colours count. 'kernel': a classifier that labelled regions of all scenes teach says how likely each class
             is, times how frequent it seems to be; for scenes of one sensor, whose ranges and brightness it sees, and
-            budgets that reveal as many points of each class (see :mod:`rm3d_plugin.pseudo_labels.region_knowledge`);
+            budgets that show as many points of each class (see
+            :mod:`rm3d_plugin.pseudo_labels.region_prior.classifier`);
             with fewer than 15 labelled regions in all they vote.
         heading: The sensor travels along x, as on vehicles, and streets run that way: how far aside of its path things
             lie is part of their looks.
-        prior_scale: With ``region_prior``: metres at which a revealed point's word has begun to fade, slowly, as suits
+        prior_scale: With ``region_prior``: metres at which an annotated point's word has begun to fade, slowly, as
+            suits
             scenes with many small things of a class. None: it fades as fast as regions of its class are short, which
-            suits scenes where most things have a revealed point. See
-            :func:`~rm3d_plugin.pseudo_labels.prior.nearness`.
-        network_power: With ``region_prior``: the softmax is raised to this power before, so it counts so many times
-            against what regions may be. Larger: trusts the network more, and regions are named more readily.
-        missing_points: With ``region_prior``: a region that would hold so many revealed points, were they spread
-            evenly, but holds none, is of no class, and nothing names it. For points revealed by chance, not class by
+            suits scenes where most things have an annotated point. See
+            :func:`~rm3d_plugin.pseudo_labels.region_prior.prior.nearness`.
+        inverse_temperature: With ``region_prior``: the softmax is raised to this power before, so it counts so many
+            times against what regions may be. Larger: trusts the network more, and regions are named more readily.
+        missing_points: With ``region_prior``: a region that would hold so many annotated points, were they spread
+            evenly, but holds none, is of no class, and nothing names it. For points annotated by chance, not class by
             class, where some things have no class. Smaller: less is labelled. None: any region may have a class.
-        new_instances: A group of a thing class in which no instance was revealed is an instance of its own. False: its
+        new_instances: A group of a thing class in which no instance was annotated is an instance of its own. False: its
             points are of no known instance, so that pieces of an object do not teach offsets to their own middles.
             Segmentation only.
         level_regions: Regions whose mean normal is this upright (its z in [0, 1]) are not bounded by what they hold:
-            road and pavement lie in one plane. So revealed points on them do not speak for their region; each point on
-            them takes the class of the nearest revealed one, with differences of height, as of a kerb, counted more,
+            road and pavement lie in one plane. So annotated points on them do not speak for their region; each point on
+            them takes the class of the nearest annotated one, with differences of height, as of a kerb, counted more,
             and after the first round, anew in each, what the network and those distances say together (see
-            :mod:`rm3d_plugin.pseudo_labels.level`). Smaller: slopes too. None: no region is so. Segmentation only.
-        level_looks: How level points look, too, and what revealed ones of all scenes teach of that, names them, in the
-            first round and for good (see :mod:`rm3d_plugin.pseudo_labels.level_ground`); where hardly any are revealed
-            it is as without. Segmentation only.
-        level_reach: Metres up to which a revealed point names level points in the first round. Larger: more and less
+            :mod:`rm3d_plugin.pseudo_labels.ground.labels`). Smaller: slopes too. None: no region is so. Segmentation
+            only.
+        level_looks: How level points look, too, and what annotated ones of all scenes teach of that, names them, in the
+            first round and for good (see :mod:`rm3d_plugin.pseudo_labels.ground.classifier`); where hardly any are
+            annotated it is as without. Segmentation only.
+        level_reach: Metres up to which an annotated point names level points in the first round. Larger: more and less
             pure labels. None: no limit.
-        hold_in: Share of the revealed points of a scene that is kept aside to check the labels of each round, and
+        holdout: Share of the annotated points of a scene that is kept aside to check the labels of each round, and
             neither trained on nor used for merging; 0: no check. Segmentation only.
-        hold_in_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
+        holdout_margin: A round's new labels are dropped where the share of kept-aside points that they contradict
             exceeds the former round's by more than this; larger: fewer rounds are rolled back.
 
     Raises:
@@ -145,14 +149,14 @@ class MergeStrategy:
     prior_looks: PriorLooks = 'neighbors'
     heading: bool = False
     prior_scale: float | None = None
-    network_power: float = 1.0
+    inverse_temperature: float = 1.0
     missing_points: float | None = None
     new_instances: bool = True
     level_regions: float | None = None
     level_looks: bool = False
     level_reach: float | None = None
-    hold_in: float = 0.0
-    hold_in_margin: float = 0.05
+    holdout: float = 0.0
+    holdout_margin: float = 0.05
 
     def __post_init__(self) -> None:
         for name in ('tau_merge', 'tau_seed'):
@@ -166,7 +170,7 @@ class MergeStrategy:
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) >= 0, 'a number >= 0')
         self._check('demote_margin', 0 <= self.demote_margin <= self.gamma, 'in [0, gamma]')
         self._check('mixed_regions', self.mixed_regions in get_args(MixedRegions), f'one of {get_args(MixedRegions)}')
-        for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color', 'network_power'):
+        for name in ('color_sigma', 'intensity_sigma', 'near_place', 'near_color', 'inverse_temperature'):
             self._check(name, isfinite(getattr(self, name)) and getattr(self, name) > 0, 'a number > 0')
         for name in ('spread_color', 'spread_extent', 'prior_scale', 'missing_points', 'level_reach'):
             limit = getattr(self, name)
@@ -179,8 +183,8 @@ class MergeStrategy:
         object.__setattr__(self, 'quota_ranges', tuple(self.quota_ranges))
         rising = all(a < b for a, b in zip(self.quota_ranges, self.quota_ranges[1:], strict=False))
         self._check('quota_ranges', rising and all(r >= 0 for r in self.quota_ranges), 'rising metres >= 0')
-        self._check('hold_in', 0 <= self.hold_in < 1, 'a share in [0, 1)')
-        self._check('hold_in_margin', 0 <= self.hold_in_margin <= 1, 'a share in [0, 1]')
+        self._check('holdout', 0 <= self.holdout < 1, 'a share in [0, 1)')
+        self._check('holdout_margin', 0 <= self.holdout_margin <= 1, 'a share in [0, 1]')
         if isinstance(self.centre_distance, list):  # a config file knows no tuples in JSON
             object.__setattr__(self, 'centre_distance', tuple(self.centre_distance))
         distances = self.centre_distance if isinstance(self.centre_distance, tuple) else (self.centre_distance,)

@@ -21,7 +21,7 @@ import numpy as np
 from rm3d_plugin.storage.files import DamagedFileError, read_json, read_npz, write_json, write_npz
 from rm3d_plugin.structures import Boxes3D, PseudoLabels, SceneError
 
-_ARRAYS = ('semantic', 'instance', 'point_is_true', 'confidence', 'box_is_true')
+_ARRAYS = ('semantic', 'instance', 'point_is_annotated', 'confidence', 'box_is_annotated')
 
 
 class LabelStoreError(SceneError):
@@ -115,7 +115,7 @@ class LabelStore:
         scenes = {}
         for path in sorted(self.folder(round).glob('*.npz')):
             arrays = read_npz(path)
-            entry = SceneEntry(len(arrays['semantic']), int(arrays['box_is_true'].sum()))
+            entry = SceneEntry(len(arrays['semantic']), int(arrays['box_is_annotated'].sum()))
             scenes[unquote(path.stem)] = entry._asdict()
         if not scenes:
             raise LabelStoreError(f'{self.folder(round)}: round {round} holds no scene; write them first')

@@ -1,4 +1,4 @@
-"""What training may read of a scene: true labels where revealed, pseudo labels elsewhere."""
+"""What training may read of a scene: true labels where annotated, pseudo labels elsewhere."""
 
 from dataclasses import dataclass
 
@@ -18,29 +18,31 @@ class PseudoLabels:
         semantic: (N,) int64 class of each point; -1 = unlabelled. In detection the number of box classes stands for
             background.
         instance: (N,) int64 row of ``boxes`` (detection) or instance number; -1 = none.
-        point_is_true: (N,) bool, True where the class was revealed by the budget.
+        point_is_annotated: (N,) bool, True where the class was annotated by the budget.
         confidence: (N,) float32 in [0, 1]; 1 for true labels, 0 where unlabelled.
         boxes: True and pseudo boxes, true ones first.
-        box_is_true: (M,) bool.
+        box_is_annotated: (M,) bool.
         complete: True where every label of the scene is known, so that what has none is background.
     """
 
     semantic: Int[np.ndarray, ' points']
     instance: Int[np.ndarray, ' points']
-    point_is_true: Bool[np.ndarray, ' points']
+    point_is_annotated: Bool[np.ndarray, ' points']
     confidence: Float[np.ndarray, ' points']
     boxes: Boxes3D
-    box_is_true: Bool[np.ndarray, ' boxes']
+    box_is_annotated: Bool[np.ndarray, ' boxes']
     complete: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.semantic)
-        for name in ('instance', 'point_is_true', 'confidence'):
+        for name in ('instance', 'point_is_annotated', 'confidence'):
             rows = len(getattr(self, name))
             if rows != n:
                 raise ValueError(f'PseudoLabels.{name}: expected {n} rows (one a point), got {rows}')
-        if len(self.box_is_true) != len(self.boxes):
-            raise ValueError(f'PseudoLabels.box_is_true: expected {len(self.boxes)} rows, got {len(self.box_is_true)}')
+        if len(self.box_is_annotated) != len(self.boxes):
+            raise ValueError(
+                f'PseudoLabels.box_is_annotated: expected {len(self.boxes)} rows, got {len(self.box_is_annotated)}'
+            )
 
     def __len__(self) -> int:
         return len(self.semantic)

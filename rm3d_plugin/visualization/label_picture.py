@@ -31,9 +31,9 @@ def draw_label_picture(
 
     Args:
         cloud: The scene.
-        semantic: Revealed class of each point, -1 = none.
+        semantic: Annotated class of each point, -1 = none.
         classes: Class names; the legend tells how many points of each are labelled. A number beyond them is background.
-        boxes: Revealed boxes, or None.
+        boxes: Annotated boxes, or None.
         max_points: Of more points, every so-and-so-many-th is drawn; labelled ones up to this number for each class.
         width: Inches.
         dpi: Pixels an inch.

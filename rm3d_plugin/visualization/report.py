@@ -56,7 +56,7 @@ class BudgetSummary:
     Attributes:
         name: As users write it ('two boxes per ten scenes').
         digest: Hash of the drawn budget.
-        counts: Revealed and existing labels by class name.
+        counts: Annotated and existing labels by class name.
         seed: Of the draw, None where the budget was imported.
     """
 
@@ -80,7 +80,7 @@ class RunReport:
         scores: Scores of classes in segmentation.
         charts: Loss and AP curves.
         rounds: One summary a round: ``coverage`` in [0, 1]; ``points``: by class ``pseudo`` (count) and ``precision``
-            (in [0, 1] or None); ``boxes``: by class ``revealed``, ``pseudo``, ``right``, ``true`` (counts);
+            (in [0, 1] or None); ``boxes``: by class ``annotated``, ``pseudo``, ``right``, ``true`` (counts);
             ``truth_known``: False where right and true mean nothing. ``round`` numbers the row, else its place does.
         pictures: Bird's-eye views.
         views: Scenes to turn, as :func:`~rm3d_plugin.visualization.scene_view.pack_views` gives them.

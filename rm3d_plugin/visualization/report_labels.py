@@ -76,12 +76,12 @@ def _box_table(rounds: Sequence[Mapping[str, Any]]) -> str:
         for name in names:
             found = entry.get('boxes', {}).get(name, {})
             pseudo, right = found.get('pseudo', 0), found.get('right', 0)
-            hidden = found.get('true', 0) - found.get('revealed', 0)
-            row += [count(found.get('revealed')), count(found.get('pseudo'))]
+            hidden = found.get('true', 0) - found.get('annotated', 0)
+            row += [count(found.get('annotated')), count(found.get('pseudo'))]
             row.append(percent(right / pseudo if known and pseudo else None))
             row.append(percent(right / hidden if known and hidden > 0 else None))
         body.append(row)
-    head = [('Round', ()), *((name, ('revealed', 'pseudo', 'precision', 'recall')) for name in names)]
+    head = [('Round', ()), *((name, ('annotated', 'pseudo', 'precision', 'recall')) for name in names)]
     return grouped_table(head, body, 'Boxes')
 
 

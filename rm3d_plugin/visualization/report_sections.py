@@ -67,7 +67,7 @@ def budget_section(name: str, digest: str, seed: int | None, counts: Mapping[str
     seeded = '' if seed is None else f', seed {seed}'
     words = f'<p>{escape(name)}{seeded}; hash <code>{escape(digest)}</code></p>'
     last = [len(body) - 1] if len(counts) > 1 else []
-    content = table(['Class', 'Revealed', 'Existing', 'Share'], body, 'Labels that training saw', 1, last)
+    content = table(['Class', 'Annotated', 'Existing', 'Share'], body, 'Labels that training saw', 1, last)
     return section('budget', 'Label budget', words + content)
 
 

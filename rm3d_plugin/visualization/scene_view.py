@@ -47,7 +47,7 @@ class SceneView:
         title: Words for the scene.
         xyz: (N, 3) metres, z up.
         layers: At least one.
-        marked: Numbers of the points whose label was revealed; they are always shown, larger.
+        marked: Numbers of the points whose label was annotated; they are always shown, larger.
     """
 
     title: str
@@ -149,7 +149,7 @@ def view_block(packed: dict[str, Any]) -> str:
         '<div class="bar"><label>Show up to <input type="range" id="view-cut" min="1" max="100"> of the height</label>'
         '<label>Point size <input type="range" id="view-size" min="1" max="8" value="3"></label>'
         f'<label{no_truth}><input type="checkbox" id="view-fade"> fade what is right</label>'
-        f'<label{no_marks}><input type="checkbox" id="view-marks" checked> mark revealed points</label>'
+        f'<label{no_marks}><input type="checkbox" id="view-marks" checked> mark annotated points</label>'
         '<button type="button" id="view-reset">Reset</button></div>\n'
         '<ul class="legend" id="view-legend"></ul>\n'
         '<p class="note">Click into the view, then: drag turns, with shift or two fingers moves, wheel or pinch zooms; '

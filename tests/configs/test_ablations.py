@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from configs.leaves import ROOT
-from configs.test_segmentation_configs import build_labeler, load, model_of
+from configs.test_segmentation_configs import build_label_maker, load, model_of
 from mmengine.config import DictAction
 from mmengine.registry import DefaultScope
 
@@ -44,7 +44,7 @@ def loaded(base: str, text: str, folder: Path):
 def test_a_row_builds_and_differs_from_its_base(base, text, tmp_path):
     config = loaded(base, text, tmp_path)
     with DefaultScope.overwrite_default_scope(SCOPE):
-        model, made = model_of(config), build_labeler(config)
+        model, made = model_of(config), build_label_maker(config)
     plain = load(ROOT / base, tmp_path)
     hook, before = config.custom_hooks[1], plain.custom_hooks[1]
     assert (config.model, hook, config.epochs) != (plain.model, before, plain.epochs)

@@ -7,10 +7,11 @@ from mmengine.registry import DefaultScope
 from rm3d_plugin.datasets import KittiDataset
 from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.engine.config import load_config
-from rm3d_plugin.engine.hooks import EpochSeedHook, RegionMergeHook, ReportHook, RunRecordHook, SafeCheckpointHook
+from rm3d_plugin.engine.hooks import EpochSeedHook, RegionMergeHook, RunRecordHook, SafeCheckpointHook
 from rm3d_plugin.evaluation import KittiMetric
 from rm3d_plugin.models.detectors import RM3DVoteNet
 from rm3d_plugin.registry import DATASETS, DESCRIPTORS, HOOKS, METRICS, MODELS, OVERSEGMENTERS, SCOPE
+from rm3d_plugin.reporting import ReportHook
 
 HEADER = ('# Run: python tools/train.py configs/{name}.py', '# Score on ')
 
@@ -63,8 +64,10 @@ def test_the_hooks_of_a_config(path, tmp_path):
         if settings.type != 'RegionMergeHook':
             assert type(HOOKS.build(settings)) is kinds[settings.type]
             continue
-        assert (settings.interval, settings.rounds) == (config.sigma, config.label_rounds)
-        assert settings.labeler.source.budget == config.budget and settings.labeler.descriptor == config.descriptor
+        assert (settings.interval, settings.rounds) == (config.sigma, config.label_refreshes)
+        assert (
+            settings.label_maker.source.budget == config.budget and settings.label_maker.descriptor == config.descriptor
+        )
         with pytest.raises(DatasetNotFoundError):  # the type and the words survive the registry
             HOOKS.build(settings)
 

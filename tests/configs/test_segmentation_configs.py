@@ -11,8 +11,8 @@ from reference.toy_scenes import ToyRooms
 
 from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.datasets.synthetic import DEMO_SCENES
-from rm3d_plugin.engine import PointBudgetSource, PointLabeler
 from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.labeling import PointBudgetSource, SegmentationLabelMaker
 from rm3d_plugin.models.segmentors import RM3DSegmentor
 from rm3d_plugin.registry import DATASETS, HOOKS, METRICS, MODELS, SCOPE, TASK_UTILS
 
@@ -56,15 +56,15 @@ def toy_rooms() -> ToyRooms:
     return ToyRooms(1)
 
 
-def build_labeler(config) -> PointLabeler:
-    """The labeler of a config, on toy rooms."""
+def build_label_maker(config) -> SegmentationLabelMaker:
+    """The label_maker of a config, on toy rooms."""
     hook = next(hook for hook in config.custom_hooks if hook.type == 'RegionMergeHook')
-    assert (hook.interval, hook.rounds) == (config.sigma, config.label_rounds)
+    assert (hook.interval, hook.rounds) == (config.sigma, config.label_refreshes)
     with pytest.raises(DatasetNotFoundError):  # the source of the config is well-formed: it looks for its data
         HOOKS.build(hook)
-    source = dict(hook.labeler.source)
+    source = dict(hook.label_maker.source)
     assert source.pop('type') == 'PointBudgetSource' and source.pop('dataset') == config.label_dataloader.dataset
-    return TASK_UTILS.build({**hook.labeler, 'source': PointBudgetSource(toy_rooms(), **source)})
+    return TASK_UTILS.build({**hook.label_maker, 'source': PointBudgetSource(toy_rooms(), **source)})
 
 
 def test_every_data_set_has_every_budget():
@@ -95,7 +95,7 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
     assert config.test_evaluator == config.val_evaluator
     assert [step.max_points for step in config.train_pipeline if 'Crop' in step.type] == [config.crop_points]
     assert config.budget == ({'clicks': 'clicks.csv'} if budget == 'clicks' else budget)
-    assert build_labeler(config).spread == path.stem.startswith('rm3d')
+    assert build_label_maker(config).spread == path.stem.startswith('rm3d')
     periods = config.param_scheduler[0].get('periods')
     assert periods is None or sum(periods) == config.epochs
     if demo:
@@ -107,9 +107,9 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
 def test_references_keep_their_first_labels_and_learn_no_offset_from_few_points(path, tmp_path):
     config = load(path, tmp_path)
     if path.stem.startswith('rm3d'):
-        assert config.label_rounds == config.rounds and config.spread
+        assert config.label_refreshes == config.rounds and config.spread
         return
-    assert config.label_rounds == 1 and not config.spread
+    assert config.label_refreshes == 1 and not config.spread
     if '_ins_' in path.stem:
         head = model_of(config).instance_head
         taught, full = head.loss_part.loss_weight > 0, path.stem.endswith('full')

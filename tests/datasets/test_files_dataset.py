@@ -109,7 +109,7 @@ def test_things_take_the_instance_column(tmp_path):
 
 
 def test_thinning_keeps_the_way_back(world):
-    dataset = build(world, classes=('ground', 'building'), label_map=MAP, voxel_thin=0.5)
+    dataset = build(world, classes=('ground', 'building'), label_map=MAP, voxel_downsample=0.5)
     assert dataset.load_truth(0).semantic.tolist() == [0, 1, -1]
     np.testing.assert_array_equal(dataset.load_cloud(0).xyz, XYZ[[0, 2, 4]].astype(np.float32))
     rows = dataset.original_index(0)
@@ -125,7 +125,7 @@ def test_large_coordinates_colours_and_intensity(tmp_path):
     np.testing.assert_allclose(cloud.xyz.astype(np.float64) + cloud.origin, world, atol=1e-6)
     np.testing.assert_allclose(cloud.colors, rgb / 65535, atol=1e-7)
     np.testing.assert_array_equal(dataset[0]['points'][:, 3], 0.5)
-    assert len(build(tmp_path, voxel_thin=0.5).load_cloud(0)) == 3
+    assert len(build(tmp_path, voxel_downsample=0.5).load_cloud(0)) == 3
     np.testing.assert_allclose(build(tmp_path).load_cloud(0).colors, rgb / 255, atol=1e-7)
 
 
@@ -158,7 +158,7 @@ def test_bad_options_are_named(world):
         ({'intensity_range': 0}, 'intensity_range: expected a number > 0'),
         ({'files': '*', 'ann_file': 'a'}, 'expected one of them, got both'),
         ({'classes': ('a',), 'things': ('b',)}, "things: 'b' is no class"),
-        ({'voxel_thin': -1}, 'voxel_thin: expected metres > 0'),
+        ({'voxel_downsample': -1}, 'voxel_downsample: expected metres > 0'),
         ({'labels': 'truth'}, "labels='truth' is for splits that metrics are measured on"),
     ):
         with pytest.raises(ValueError, match=message):
@@ -180,7 +180,7 @@ def test_an_aerial_laz_tile(real_data, tmp_path):
         pytest.skip(f'no LAZ tile at {folder}')
     classes = ('ground', 'vegetation', 'building')
     options = dict(classes=classes, label_map={0: -1, 2: 0, 3: 1, 6: 2}, split='val', labels='truth')
-    dataset = FilesDataset(folder, cache=tmp_path, voxel_thin=1.0, **options)
+    dataset = FilesDataset(folder, cache=tmp_path, voxel_downsample=1.0, **options)
     las = laspy.read(next(iter(folder.glob('*.laz'))))
     whole = FilesDataset(folder, cache=tmp_path, **options)
     cloud, truth = whole.load_cloud(0), whole.load_truth(0)
@@ -198,4 +198,4 @@ def test_an_aerial_laz_tile(real_data, tmp_path):
 def test_a_stray_point_is_named_when_thinning(tmp_path):
     np.save(tmp_path / 'a.npy', np.array([[0.0, 0, 0], [9e5, 0, 0]]))
     with pytest.raises(SceneError, match='scene a: thinning to 0.02 m: a point lies 900000 m from the first one'):
-        build(tmp_path, voxel_thin=0.02).load_cloud(0)
+        build(tmp_path, voxel_downsample=0.02).load_cloud(0)

@@ -27,7 +27,7 @@ def item(n=300, columns=6, seed=0, **more):
         'point_index': np.arange(n),
         'semantic': np.arange(n) % 4 - 1,
         'instance': np.arange(n) % 7,
-        'is_true': np.arange(n) % 2 == 0,
+        'is_annotated': np.arange(n) % 2 == 0,
         'rng': np.random.default_rng(seed + 1),
     } | more
 
@@ -56,7 +56,7 @@ def test_rows_stay_aligned_and_ordered(step, columns, n):
     index = out['point_index']
     assert (np.diff(index) > 0).all() and len(index) == (min(n, 100) if type(step) is RandomCrop else n)
     assert (out['semantic'] == index % 4 - 1).all() and (out['instance'] == index % 7).all()
-    assert (out['is_true'] == (index % 2 == 0)).all()
+    assert (out['is_annotated'] == (index % 2 == 0)).all()
     assert out['points'].dtype == np.float32 and out['points'].shape == (len(index), columns)
     assert np.isfinite(out['points']).all()
     assert np.array_equal(made['points'], before)  # the scene that came in stays as it is

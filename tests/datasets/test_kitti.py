@@ -33,11 +33,11 @@ def world(tmp_path):
     return make_world(tmp_path / 'kitti')
 
 
-def fill_store(root, dataset, reveal=(0,), number=0):
+def fill_store(root, dataset, show=(0,), number=0):
     store = LabelStore(root)
     store.begin_round(number)
     for index, scene in enumerate(dataset.scene_ids):
-        store.write(number, scene, hide(dataset.load_cloud(index).xyz, dataset.load_truth(index), reveal))
+        store.write(number, scene, hide(dataset.load_cloud(index).xyz, dataset.load_truth(index), show))
     store.finish_round(number)
     store.set_current(number)
     return store
@@ -112,7 +112,9 @@ def test_test_frames_have_no_labels(world):
 
 def test_items_without_labels_hold_none(world):
     results = KittiDataset(world)[1]
-    assert {'semantic', 'instance', 'is_true', 'boxes', 'box_labels', 'box_is_true', 'annotation'}.isdisjoint(results)
+    assert {'semantic', 'instance', 'is_annotated', 'boxes', 'box_labels', 'box_is_annotated', 'annotation'}.isdisjoint(
+        results
+    )
     assert results['scene_id'] == '000001'
     assert results['num_points'] == len(results['points']) == 320
 
@@ -127,7 +129,7 @@ def test_training_never_reads_the_truth(world, tmp_path, monkeypatch):
         monkeypatch.setattr(KittiDataset, name, forbidden)
     dataset = KittiDataset(world, labels='store', label_store=tmp_path / 'store', pipeline=PIPELINE)
     for item in dataset:
-        assert item['data_samples'].pts_is_true.any()
+        assert item['data_samples'].pts_is_annotated.any()
     # not even a file of labels has to be there
     for path in (world / 'training' / 'label_2').iterdir():
         path.unlink()
@@ -135,24 +137,24 @@ def test_training_never_reads_the_truth(world, tmp_path, monkeypatch):
 
 
 def test_stored_labels_are_attached(world, tmp_path):
-    fill_store(tmp_path / 'store', KittiDataset(world), reveal=(1,))
+    fill_store(tmp_path / 'store', KittiDataset(world), show=(1,))
     results = KittiDataset(world, labels='store', label_store=tmp_path / 'store')[0]
     assert results['semantic'].tolist() == [-1] * 30 + [0] * 30 + [-1] * 260
     assert results['instance'].tolist() == [-1] * 30 + [0] * 30 + [-1] * 260
-    assert results['is_true'].sum() == 30
+    assert results['is_annotated'].sum() == 30
     np.testing.assert_allclose(results['boxes'], BOXES[[1]], atol=1e-9)
-    assert results['box_is_true'].tolist() == [True]
+    assert results['box_is_annotated'].tolist() == [True]
 
 
 def test_workers_that_live_on_see_the_new_round(world, tmp_path):
     plain = KittiDataset(world)
-    store = fill_store(tmp_path / 'store', plain, reveal=(0,))
+    store = fill_store(tmp_path / 'store', plain, show=(0,))
     dataset = KittiDataset(world, labels='store', label_store=tmp_path / 'store', pipeline=[{'type': 'PackScene'}])
     loader = DataLoader(
         dataset, batch_size=2, num_workers=1, persistent_workers=True, collate_fn=pseudo_collate, sampler=range(4)
     )
     boxes = [len(sample.gt_labels_3d) for batch in loader for sample in batch['data_samples']]
-    fill_store(store.root, plain, reveal=(0, 1, 2), number=1)
+    fill_store(store.root, plain, show=(0, 1, 2), number=1)
     boxes += [len(sample.gt_labels_3d) for batch in loader for sample in batch['data_samples']]
     assert boxes == [1] * 4 + [3] * 4
 
@@ -172,7 +174,7 @@ def test_truth_is_attached_for_validation_only(world):
 
 
 def test_an_item_is_a_function_of_seed_epoch_and_index(world, tmp_path):
-    fill_store(tmp_path / 'store', KittiDataset(world), reveal=(0, 1))
+    fill_store(tmp_path / 'store', KittiDataset(world), show=(0, 1))
 
     def build(seed=0):
         return KittiDataset(world, labels='store', label_store=tmp_path / 'store', pipeline=PIPELINE, seed=seed)
@@ -342,9 +344,9 @@ def test_real_frames(real_data, tmp_path):
     assert ((truth.instance == 0) == (truth.semantic == 1)).all()
     assert (truth.semantic == 1).sum() == 377
     assert len(cloud) == 20748
-    fill_store(tmp_path / 'store', dataset, reveal=(0,))
+    fill_store(tmp_path / 'store', dataset, show=(0,))
     training = KittiDataset(real_data / 'kitti', labels='store', label_store=tmp_path / 'store', pipeline=PIPELINE[1:2])
     kept = training[0]
     assert 2000 < len(kept['points']) < 15000
-    assert kept['is_true'].sum() > 300  # dropping the ground leaves the pedestrian
+    assert kept['is_annotated'].sum() > 300  # dropping the ground leaves the pedestrian
     np.testing.assert_array_equal(kept['points'][:, :3], cloud.xyz[kept['point_index']])

@@ -8,7 +8,7 @@ import pytest
 from rm3d_plugin.datasets.transforms import (
     ClassCrop,
     ClearanceFeatures,
-    LevelGround,
+    HeightAboveGround,
     ShapeFeatures,
     class_center,
     clearance_columns,
@@ -34,7 +34,7 @@ def item(points, seed=0, **more):
 def test_heights_are_above_the_ground_and_poles_stay_upright():
     points = np.column_stack([slope_with_pole(np.random.default_rng(0)), np.ones(4060, dtype=np.float32)])
     before = points.copy()
-    level = LevelGround()(item(points))['points']
+    level = HeightAboveGround()(item(points))['points']
     assert np.array_equal(points, before)
     assert np.abs(level[:4000, 2]).max() < 0.1
     assert np.allclose(level[4000:, 2], np.linspace(0.3, 3.0, 60), atol=0.1)
@@ -42,7 +42,7 @@ def test_heights_are_above_the_ground_and_poles_stay_upright():
     assert level.dtype == np.float32
 
 
-@pytest.mark.parametrize('step', [LevelGround(), ShapeFeatures(), ClearanceFeatures()])
+@pytest.mark.parametrize('step', [HeightAboveGround(), ShapeFeatures(), ClearanceFeatures()])
 def test_views_come_later(step):
     with pytest.raises(ValueError, match='AugmentedView behind it'):
         step(item(np.zeros((5, 3), dtype=np.float32), aug_points=np.zeros((5, 3))))
@@ -50,7 +50,7 @@ def test_views_come_later(step):
 
 def test_boxes_do_not_fit_a_levelled_scene():
     with pytest.raises(ValueError, match='without boxes'):
-        LevelGround()(item(np.zeros((5, 3), dtype=np.float32), boxes=np.zeros((1, 7))))
+        HeightAboveGround()(item(np.zeros((5, 3), dtype=np.float32), boxes=np.zeros((1, 7))))
 
 
 def test_shape_columns_are_the_two_looks_side_by_side(tmp_path):
@@ -99,9 +99,9 @@ def test_a_crop_is_an_upright_column_around_a_rare_class():
     xyz = slope_with_pole(np.random.default_rng(2))
     semantic = np.r_[np.zeros(4000, dtype=np.int64), np.ones(60, dtype=np.int64)]
     made = ClassCrop(500, classes=1.0)(
-        item(xyz, seed=3, semantic=np.where(semantic == 1, 1, -1), is_true=semantic == 1)
+        item(xyz, seed=3, semantic=np.where(semantic == 1, 1, -1), is_annotated=semantic == 1)
     )
-    assert len(made['points']) == len(made['semantic']) == len(made['is_true']) == 500
+    assert len(made['points']) == len(made['semantic']) == len(made['is_annotated']) == 500
     assert (made['semantic'] == 1).sum() == 60  # the whole pole, from its foot to its top
     assert np.linalg.norm(made['points'][:, :2] - 4.0, axis=1).max() < 6.5
     whole = item(xyz[:100], semantic=semantic[:100])
@@ -123,8 +123,8 @@ def test_pipelines_that_compute_the_same_share_a_memory():
     content = np.arange(3.0)
     made = one.get_or_make(content, lambda: np.ones(1))
     assert two.get_or_make(content, lambda: np.zeros(1)) is made
-    assert LevelGround(recent=2)._recent is LevelGround(recent=1)._recent
-    assert LevelGround()._recent is not LevelGround(cell=3.0)._recent
+    assert HeightAboveGround(recent=2)._recent is HeightAboveGround(recent=1)._recent
+    assert HeightAboveGround()._recent is not HeightAboveGround(cell=3.0)._recent
 
 
 def test_the_recent_ones_are_remembered():

@@ -97,7 +97,7 @@ def test_fewer_things(world):
 
 
 def test_thinned_instances_have_no_gaps(world):
-    dataset = build(world, voxel_thin=1.2, labels='truth')
+    dataset = build(world, voxel_downsample=1.2, labels='truth')
     rows = dataset.original_index(0)
     # cells of 1.2 m, (x, y, z): (1,1,2) (1,1,2) (0,0,0) (0,0,0) (0,1,0) (1,1,1) (-1,0,0)
     assert rows.tolist() == [0, 0, 1, 1, 2, 3, 4]

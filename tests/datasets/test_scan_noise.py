@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.datasets.transforms import PointNoise, RandomThinning, noisy_points
+from rm3d_plugin.datasets.transforms import PointNoise, RandomDownsample, noisy_points
 from rm3d_plugin.registry import TRANSFORMS
 
 
@@ -19,7 +19,7 @@ def numbered(count):
 
 def test_thinning_keeps_points_and_labels_in_step():
     points, shares = numbered(1000), []
-    step = TRANSFORMS.build({'type': 'rm3d_plugin.RandomThinning', 'keep': (0.2, 0.6)})
+    step = TRANSFORMS.build({'type': 'rm3d_plugin.RandomDownsample', 'keep': (0.2, 0.6)})
     for seed in range(40):
         out = step(item(points, seed, semantic=np.arange(1000), point_index=np.arange(1000)))
         rows = out['point_index']
@@ -33,7 +33,7 @@ def test_thinning_keeps_points_and_labels_in_step():
 
 @pytest.mark.parametrize(('count', 'left'), [(0, 0), (1, 1), (3, 1)])
 def test_thinning_leaves_a_point_where_there_is_one(count, left):
-    assert len(RandomThinning((0.1, 0.1))(item(numbered(count)))['points']) == left
+    assert len(RandomDownsample((0.1, 0.1))(item(numbered(count)))['points']) == left
 
 
 def test_noise_has_the_deviation_asked_for():
@@ -61,7 +61,7 @@ def test_noise_switched_off_and_columns_within_bounds():
 def test_bad_settings_are_named():
     for keep in ((0.0, 1.0), (0.6, 0.5), (0.5, 1.1), (0.5,)):
         with pytest.raises(ValueError, match='keep: expected two shares'):
-            RandomThinning(keep)
+            RandomDownsample(keep)
     for bad in (-1.0, float('nan'), float('inf')):
         with pytest.raises(ValueError, match='deviations from 0'):
             PointNoise(jitter=bad)
@@ -69,7 +69,7 @@ def test_bad_settings_are_named():
             PointNoise(columns=bad)
 
 
-@pytest.mark.parametrize(('step', 'message'), [(RandomThinning(), 'AugmentedView'), (PointNoise(), 'AugmentedView')])
+@pytest.mark.parametrize(('step', 'message'), [(RandomDownsample(), 'AugmentedView'), (PointNoise(), 'AugmentedView')])
 def test_views_come_later(step, message):
     with pytest.raises(ValueError, match=message):
         step(item(numbered(3), aug_points=numbered(3), aug_index=np.arange(3)))

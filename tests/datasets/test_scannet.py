@@ -136,10 +136,10 @@ def test_test_split_has_points_only(world):
 
 
 def test_thinned_scans_keep_the_way_back(world):
-    dataset = ScanNetDataset(world, split='val', labels='truth', align=False, voxel_thin=2.0)
+    dataset = ScanNetDataset(world, split='val', labels='truth', align=False, voxel_downsample=2.0)
     # cells of 2 m: (0,0,0) (0,1,0) (1,2,0) (1,3,0) (2,4,1) (2,5,1) (3,6,1) (3,7,1): none is shared; 4 m shares
     assert len(dataset.load_cloud(0)) == 8
-    dataset = ScanNetDataset(world, split='val', labels='truth', align=False, voxel_thin=4.0)
+    dataset = ScanNetDataset(world, split='val', labels='truth', align=False, voxel_downsample=4.0)
     rows = dataset.original_index(0)
     assert rows.tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
     item = dataset[0]

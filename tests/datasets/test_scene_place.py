@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.datasets.transforms import ScenePlace, place_columns
+from rm3d_plugin.datasets.transforms import SinusoidalPosition, place_columns
 
 
 def test_values_of_the_middle_and_of_a_quarter_wave():
@@ -25,7 +25,7 @@ def test_near_points_are_alike_far_ones_are_not():
 def test_columns_stand_behind_those_there_are_and_stay_through_crops():
     rng = np.random.default_rng(0)
     points = rng.uniform(-50, 50, (200, 5)).astype(np.float32)
-    step = ScenePlace()
+    step = SinusoidalPosition()
     out = step({'points': points, 'scene_id': 'a'})
     np.testing.assert_array_equal(out['points'][:, :5], points)
     np.testing.assert_array_equal(out['points'][:, 5:], place_columns(points[:, :3]))
@@ -33,8 +33,8 @@ def test_columns_stand_behind_those_there_are_and_stay_through_crops():
 
 
 def test_an_empty_scene_and_what_cannot_be():
-    assert ScenePlace()({'points': np.zeros((0, 3), dtype=np.float32)})['points'].shape == (0, 11)
+    assert SinusoidalPosition()({'points': np.zeros((0, 3), dtype=np.float32)})['points'].shape == (0, 11)
     with pytest.raises(ValueError, match='two lengths > 0'):
-        ScenePlace(wavelengths=[10.0])
+        SinusoidalPosition(wavelengths=[10.0])
     with pytest.raises(ValueError, match='AugmentedView behind it'):
-        ScenePlace()({'points': np.zeros((1, 3)), 'aug_points': np.zeros((1, 3))})
+        SinusoidalPosition()({'points': np.zeros((1, 3)), 'aug_points': np.zeros((1, 3))})

@@ -42,14 +42,14 @@ def test_points_that_the_pipeline_dropped_count_as_wrong():
 
 
 def test_points_that_were_thinned_away_have_the_class_of_their_voxel():
-    item = first_item(voxel_thin=0.1, pipeline=[dict(type='PackScene')])
+    item = first_item(voxel_downsample=0.1, pipeline=[dict(type='PackScene')])
     sample, whole = item['data_samples'], ToyRooms(1, split='val').load_truth(0)
     rows = len(sample.point_index)
     assert rows < len(whole.semantic)
     seen = point_truth(sample.to_dict(), rows, 'test')
     np.testing.assert_array_equal(seen.semantic, whole.semantic)
     given = seen.spread(sample.pts_semantic_mask.numpy(), -1)
-    kept = ToyRooms(1, split='val', voxel_thin=0.1)
+    kept = ToyRooms(1, split='val', voxel_downsample=0.1)
     np.testing.assert_array_equal(given, kept.load_truth(0).semantic[kept.original_index(0)])
 
 

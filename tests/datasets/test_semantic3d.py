@@ -33,7 +33,7 @@ def write(root, station='sg27_station4', text=TEXT, labels=LABELS, suffix='_inte
 
 
 def one(root, **arguments):
-    return Semantic3DDataset(root, stations=['sg27_station4'], voxel_thin=1.0, **arguments)
+    return Semantic3DDataset(root, stations=['sg27_station4'], voxel_downsample=1.0, **arguments)
 
 
 def slow_twin(rows, labels, size):
@@ -65,7 +65,7 @@ def test_a_station_by_hand(tmp_path, cached):
     write(tmp_path / 'data')
     config = {
         'type': 'rm3d_plugin.Semantic3DDataset', 'data_root': str(tmp_path / 'data'), 'split': 'val',
-        'stations': ['sg27_station4'], 'voxel_thin': 1.0, 'labels': 'truth',
+        'stations': ['sg27_station4'], 'voxel_downsample': 1.0, 'labels': 'truth',
         'cache': str(tmp_path / 'cache') if cached else None,
     }  # fmt: skip
     for _ in range(2):
@@ -169,8 +169,8 @@ def test_missing_stations_and_bad_choices(tmp_path):
         one(tmp_path).load_truth(0)
     with pytest.raises(ValueError, match='benchmark: expected one of semantic-8, reduced-8'):
         Semantic3DDataset(tmp_path, benchmark='8')
-    with pytest.raises(ValueError, match='voxel_thin: expected metres > 0'):
-        Semantic3DDataset(tmp_path, voxel_thin=0)
+    with pytest.raises(ValueError, match='voxel_downsample: expected metres > 0'):
+        Semantic3DDataset(tmp_path, voxel_downsample=0)
     with pytest.raises(ValueError, match='holdout: expected training stations, got sg27_station3'):
         Semantic3DDataset(tmp_path, holdout=['sg27_station3'])
 

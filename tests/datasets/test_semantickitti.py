@@ -132,7 +132,7 @@ def test_test_scans_have_no_labels(world):
 
 
 def test_thinning_and_the_way_back(world):
-    dataset = one(world, voxel_thin=1.1, use_intensity=False)
+    dataset = one(world, voxel_downsample=1.1, use_intensity=False)
     cloud, truth, rows = dataset.load_cloud(0), dataset.load_truth(0), dataset.original_index(0)
     assert cloud.intensity is None
     assert cloud.xyz[:, 0].tolist() == [0, 1.5, 2.5, 3.5, 4.5]

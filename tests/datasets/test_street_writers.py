@@ -158,7 +158,7 @@ def test_raw_ids_rest_and_move(scenes: list[street_scans.Scene]) -> None:
 def test_semantic3d_reads_back_exactly(tmp_path: Path) -> None:
     root = make_semantic3d_streets(tmp_path / 'demo', 1, 1, seed=5, step=2.0, progress=False)
     with pytest.warns(UserWarning, match='2 of 3 stations'):
-        dataset = Semantic3DDataset(root, 'val', voxel_thin=0.001, labels='truth')
+        dataset = Semantic3DDataset(root, 'val', voxel_downsample=0.001, labels='truth')
         assert dataset.scene_ids == HOLDOUT[:1]
     rows, labels = semantic3d_writer.make_station(5, street_scans.VAL_STREETS, semantic3d_writer.make_scanner(2.0))
     cloud, truth = dataset.load_cloud(0), dataset.load_truth(0)

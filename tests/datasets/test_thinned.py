@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.datasets.thinned import VoxelThinner, thin_voxels
+from rm3d_plugin.datasets.downsampled import VoxelThinner, thin_voxels
 
 
 def slow(xyz, size):
@@ -51,7 +51,7 @@ def test_none_empty_single_and_duplicates():
 
 def test_bad_sizes_and_stray_points():
     for size in (0, -1, float('nan'), float('inf')):
-        with pytest.raises(ValueError, match='voxel_thin: expected metres > 0'):
+        with pytest.raises(ValueError, match='voxel_downsample: expected metres > 0'):
             thin_voxels(np.zeros((1, 3)), size)
     with pytest.raises(ValueError, match='remove stray points'):
         thin_voxels(np.array([[0, 0, 0], [1e6, 0, 0]]), 0.02)

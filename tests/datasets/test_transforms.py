@@ -24,7 +24,7 @@ from rm3d_plugin.datasets.transforms import (
 )
 from rm3d_plugin.datasets.transforms.augmented_view import elastic_shift
 from rm3d_plugin.datasets.transforms.geometric import wrap_yaw
-from rm3d_plugin.datasets.transforms.paste import Places, is_free, moved, paste, put_on_ground, revealed_objects
+from rm3d_plugin.datasets.transforms.paste import Places, annotated_objects, is_free, moved, paste, put_on_ground
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.registry import TRANSFORMS
 
@@ -47,10 +47,10 @@ def item(n=40, boxes=None, seed=0):
         'point_index': np.arange(n),
         'semantic': np.where(inside >= 0, 1, -1),
         'instance': inside,
-        'is_true': inside >= 0,
+        'is_annotated': inside >= 0,
         'boxes': boxes,
         'box_labels': np.ones(len(boxes), dtype=np.int64),
-        'box_is_true': np.ones(len(boxes), dtype=bool),
+        'box_is_annotated': np.ones(len(boxes), dtype=bool),
         'rng': np.random.default_rng(seed + 100),
     }
 
@@ -132,7 +132,7 @@ def test_limit_keeps_rows_together_in_order():
     index = kept['point_index']
     assert len(index) == 20
     assert (np.diff(index) > 0).all()
-    for name in ('points', 'semantic', 'instance', 'is_true'):
+    for name in ('points', 'semantic', 'instance', 'is_annotated'):
         np.testing.assert_array_equal(kept[name], start[name][index])
     assert kept['num_points'] == 50
     assert len(LimitPoints(50)(item(50))['points']) == 50
@@ -269,7 +269,7 @@ def test_wrong_settings_are_refused(options):
 CAR = np.array([10.0, 0, -0.95, 4, 2, 1.5, 0.2])  # stands on the ground at -1.7
 
 
-def street(boxes, revealed=None, seed=0, height=0.0):
+def street(boxes, annotated=None, seed=0, height=0.0):
     """Level ground 60 m ahead, 1.7 m under the sensor (``height`` lifts all), and 40 points on each box's roof."""
     rng = np.random.default_rng(seed)
     ground = np.c_[rng.uniform(0, 60, 6000), rng.uniform(-30, 30, 6000), np.full(6000, -1.7)]
@@ -285,39 +285,39 @@ def street(boxes, revealed=None, seed=0, height=0.0):
         'point_index': np.arange(len(xyz)),
         'semantic': np.where(inside >= 0, 1, -1),
         'instance': inside,
-        'is_true': inside >= 0,
+        'is_annotated': inside >= 0,
         'boxes': boxes,
         'box_labels': np.ones(len(boxes), dtype=np.int64),
-        'box_is_true': np.ones(len(boxes), dtype=bool) if revealed is None else np.array(revealed),
+        'box_is_annotated': np.ones(len(boxes), dtype=bool) if annotated is None else np.array(annotated),
         'rng': np.random.default_rng(seed + 100),
     }
 
 
-def test_only_revealed_boxes_are_objects_and_ground_is_no_part_of_them():
-    results = street([CAR, CAR + [15, 5, 0, 0, 0, 0, 0]], revealed=[True, False])
-    found = revealed_objects(results)
+def test_only_annotated_boxes_are_objects_and_ground_is_no_part_of_them():
+    results = street([CAR, CAR + [15, 5, 0, 0, 0, 0, 0]], annotated=[True, False])
+    found = annotated_objects(results)
     assert len(found) == 1
     np.testing.assert_array_equal(found[0].box, CAR)
     np.testing.assert_array_equal(found[0].points, results['points'][6000:6040])
-    assert revealed_objects(results, min_points=41) == []
+    assert annotated_objects(results, min_points=41) == []
 
 
 def test_pasting_by_hand():
     target, box = street([]), np.array([40.0, 0, -1.0, 4, 2, 1.5, 0])  # 5 cm into the ground
     in_box = points_in_boxes(target['points'][:, :3], box[None]) >= 0
     assert in_box.any()
-    source = revealed_objects(street([CAR]))[0]._replace(box=box)
+    source = annotated_objects(street([CAR]))[0]._replace(box=box)
     assert is_free(target, box)
     out = paste(target, source)
     assert len(out['points']) == 6000 - in_box.sum() + 40
     assert out['point_index'].tolist() == np.flatnonzero(~in_box).tolist() + [-1] * 40
     assert out['instance'][-40:].tolist() == [0] * 40
     assert out['semantic'][-40:].tolist() == [1] * 40
-    assert out['is_true'][-40:].all()
+    assert out['is_annotated'][-40:].all()
     np.testing.assert_array_equal(out['boxes'], box[None])
     np.testing.assert_array_equal(out['points'][-40:], source.points)
     assert out['box_labels'].tolist() == [1]
-    assert out['box_is_true'].tolist() == [True]
+    assert out['box_is_annotated'].tolist() == [True]
     assert not is_free(out, box)
     assert pack_scene(out)['data_samples'].point_index.dtype == torch.int64
 
@@ -333,7 +333,7 @@ def test_a_place_with_points_or_a_box_is_taken():
 
 
 def test_a_moved_object_keeps_its_shape_and_turns_about_the_sensor():
-    source = revealed_objects(street([CAR]))[0]
+    source = annotated_objects(street([CAR]))[0]
     for seed in range(30):
         new = moved(source, Places(), np.random.default_rng(seed))
         distance = np.hypot(*new.box[:2])
@@ -352,7 +352,7 @@ def test_a_moved_object_keeps_its_shape_and_turns_about_the_sensor():
 
 
 def test_objects_are_put_on_the_ground_of_the_scene():
-    source = revealed_objects(street([CAR]))[0]
+    source = annotated_objects(street([CAR]))[0]
     scene = street([], height=2.5)
     placed = put_on_ground(source, scene['points'][:, :3], np.zeros(6000))
     np.testing.assert_allclose(placed.box - source.box, [0, 0, 2.5, 0, 0, 0, 0], atol=1e-6)
@@ -376,13 +376,13 @@ def paste_world(reads):
     )
 
 
-def test_objects_come_from_scenes_with_revealed_boxes_read_once():
+def test_objects_come_from_scenes_with_annotated_boxes_read_once():
     reads = []
     dataset, transform = paste_world(reads), LabelledObjectPaste(max_objects=4)
     out = transform(street([]) | {'dataset': dataset})
     assert reads == [1, 3]
     assert 1 <= len(out['boxes']) <= 4
-    assert out['box_is_true'].all()
+    assert out['box_is_annotated'].all()
     assert set(out['box_labels'].tolist()) == {1}
     inside = points_in_boxes(out['points'][:, :3], out['boxes'])
     pasted = out['point_index'] == -1
@@ -424,7 +424,7 @@ def test_pack_names_types_and_values():
         'gt_is_true': (torch.bool, (1,)),
         'pts_semantic_mask': (torch.int64, (6,)),
         'pts_instance_mask': (torch.int64, (6,)),
-        'pts_is_true': (torch.bool, (6,)),
+        'pts_is_annotated': (torch.bool, (6,)),
     }
     assert sample.metainfo == {'scene_id': 's', 'num_points': 6}
     np.testing.assert_array_equal(packed['inputs']['points'].numpy(), results['points'])

@@ -81,10 +81,10 @@ def test_colours_from_0_to_1_and_thinning(tmp_path):
     rows = np.r_[ROWS, ROWS]
     rows[:, 3:6] = 0.5
     write(tmp_path, '06/0020_00500.npy', rows)
-    item = VKITTI3DDataset(tmp_path, split='test', labels='truth', voxel_thin=0.1)[0]
+    item = VKITTI3DDataset(tmp_path, split='test', labels='truth', voxel_downsample=0.1)[0]
     assert item['points'].shape == (4, 6) and (item['points'][:, 3:] == 0.5).all()
     assert item['semantic'].tolist() == [0, 1, 12, -1]
-    dataset = VKITTI3DDataset(tmp_path, split='test', voxel_thin=0.1)
+    dataset = VKITTI3DDataset(tmp_path, split='test', voxel_downsample=0.1)
     assert dataset.original_index(0).tolist() == [0, 1, 2, 3] * 2
 
 

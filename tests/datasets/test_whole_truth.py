@@ -32,7 +32,7 @@ def scores(data, predicted):
 
 
 def test_every_original_point_counts(tmp_path):
-    data = dataset(tmp_path, voxel_thin=1.0)
+    data = dataset(tmp_path, voxel_downsample=1.0)
     truth = data.annotation(0)
     assert truth.semantic.tolist() == LABEL.tolist() and truth.original_index.tolist() == [0, 1, 1, 1, 1, 2, 2]
     assert truth.instance is None

@@ -8,7 +8,7 @@ _base_ = ['./base.py']
 data_root = 'data/kitti'
 rounds = 2
 sigma = 3
-label_rounds = '${rounds}'
+label_refreshes = '${rounds}'
 loader = dict(batch_size='${size.batch}', dataset=dict(root='${data_root}', file='${data_root}/${name}.txt'))
 twin = '${loader}'
 steps = ['${sigma}', ('${rounds}', 'at ${work_dir}')]
@@ -28,7 +28,7 @@ def leaf(tmp_path):
 
 def test_references_become_values_of_their_type(leaf):
     config = load_config(leaf, work_dir='out')
-    assert config.label_rounds == 2 and config.seed_again == 7
+    assert config.label_refreshes == 2 and config.seed_again == 7
     assert config.loader == {'batch_size': 16, 'dataset': {'root': 'data/kitti', 'file': 'data/kitti/train.txt'}}
     assert config.twin == config.loader
     assert config.steps == [3, (2, 'at out')]

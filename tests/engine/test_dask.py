@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from engine import tiny_runs
+from runs import tiny_runs
 
 distributed = pytest.importorskip('distributed')
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from engine import tiny_runs, two_processes
+from runs import tiny_runs, two_processes
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.distributed import joined_processes

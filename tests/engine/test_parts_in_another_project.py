@@ -34,8 +34,8 @@ custom_hooks = [
         rounds=2,
         dataloader=dict(
             **loader, sampler=dict(type='DefaultSampler', shuffle=False), dataset=dict(type='Blocks', store=None)),
-        labeler=dict(
-            type='rm3d_plugin.SceneLabeler',
+        label_maker=dict(
+            type='rm3d_plugin.DetectionLabelMaker',
             store='{work}/labels',
             cache='{work}/cache',
             source=dict(type='BlockSource'),
@@ -61,9 +61,9 @@ from mmengine.structures import BaseDataElement
 from torch import nn
 from torch.nn import functional as F
 
-from rm3d_plugin.engine import LabelSource
+from rm3d_plugin.labeling import LabelSource
 from rm3d_plugin.models.heads.batch_labels import BatchLabels
-from rm3d_plugin.pseudo_labels import WeakLabels
+from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.structures import Boxes3D, PointCloud
 
@@ -91,13 +91,13 @@ class BlockSource(LabelSource):
     def load_cloud(self, index):
         return PointCloud(xyz=scene(index)[0])
 
-    def weak_labels(self, index):
+    def annotated_labels(self, index):
         xyz, owner = scene(index)
         seen = owner == 0
         points = xyz[seen]
         middle, size = (points.min(0) + points.max(0)) / 2, points.max(0) - points.min(0) + 0.02
         box = Boxes3D(np.concatenate([middle, size, [0.0]])[None], np.zeros(1, dtype=np.int64))
-        return WeakLabels(np.where(seen, 0, -1), np.where(seen, 0, -1), box)
+        return AnnotatedLabels(np.where(seen, 0, -1), np.where(seen, 0, -1), box)
 
 
 @DATASETS.register_module()
@@ -116,7 +116,7 @@ class Blocks(torch.utils.data.Dataset):
             sample.labels = torch.from_numpy(labels.semantic)
             sample.owner = torch.from_numpy(labels.instance)
             sample.boxes = torch.from_numpy(labels.boxes.tensor).float()
-            sample.is_true = torch.from_numpy(labels.box_is_true)
+            sample.is_annotated = torch.from_numpy(labels.box_is_annotated)
         return {'inputs': torch.from_numpy(scene(index)[0]), 'data_samples': sample}
 
 
@@ -136,7 +136,7 @@ class BlockNet(BaseModel):
         known = sample.labels >= 0
         other = self.net(4 * xyz[:, 2:] + 0.08 * torch.randn(len(xyz), 1))
         boxes = len(sample.boxes)
-        rows = BatchLabels(sample.boxes, torch.zeros(boxes, dtype=torch.long), sample.is_true,
+        rows = BatchLabels(sample.boxes, torch.zeros(boxes, dtype=torch.long), sample.is_annotated,
                            torch.tensor([0, boxes]), sample.labels, sample.owner)
         member = (sample.labels[known] == 0).float()
         return {
@@ -206,7 +206,7 @@ def test_the_hook_makes_two_rounds_and_the_second_finds_the_hidden_blocks(projec
         assert (first.semantic[owner == 1] != 0).all(), 'no network, so nothing tells what the hidden block is'
         assert (second.semantic[owner == 1] == 0).mean() > 0.9
         assert (second.semantic[owner == -1] == 0).mean() < 0.02  # ground close to a block may go with it
-        assert len(first.boxes) == 1 and second.box_is_true.sum() == 1
-        found = second.boxes.tensor[~second.box_is_true, :3]
+        assert len(first.boxes) == 1 and second.box_is_annotated.sum() == 1
+        found = second.boxes.tensor[~second.box_is_annotated, :3]
         block = points[owner == 1].mean(axis=0)
         assert np.linalg.norm(found - block, axis=1).min() < 0.3  # without votes a block may fall into several boxes

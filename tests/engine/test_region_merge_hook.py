@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from engine import tiny_runs
+from runs import tiny_runs
 
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook, point_prediction
-from rm3d_plugin.engine.round_times import RoundTimes, Seconds
+from rm3d_plugin.labeling.round_times import RoundTimes, Seconds
 from rm3d_plugin.storage import LabelStore, read_json
 from rm3d_plugin.structures import SceneSample
 
@@ -71,19 +71,19 @@ def in_a_folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def epochs(hook, labeler, first, last) -> list[list[tuple[Any, ...]]]:
-    """Run epochs first..last - 1 of a runner without data; what the labeler was asked in each."""
+def epochs(hook, label_maker, first, last) -> list[list[tuple[Any, ...]]]:
+    """Run epochs first..last - 1 of a runner without data; what the label_maker was asked in each."""
     runner = SimpleNamespace(epoch=first, seed=5, model=Model(), logger=SimpleNamespace(info=print), work_dir='.')
     runner.build_dataloader = lambda loader, seed: loader if seed == 5 else None
     hook.before_train(runner)
     out = []
     for runner.epoch in range(first, last):
-        labeler.events.clear()
+        label_maker.events.clear()
         runner.model.train()
         hook.before_train_epoch(runner)
         assert not runner.model.predict_points
         hook.after_train_epoch(runner)
-        out.append(list(labeler.events))
+        out.append(list(label_maker.events))
     return out
 
 
@@ -92,9 +92,9 @@ def refreshed(number):
 
 
 def test_every_interval_epochs_a_new_round_until_there_are_enough():
-    labeler = CountingLabeler(finished=(0,))
-    hook = RegionMergeHook(interval=2, labeler=labeler, dataloader=['a', 'b'], rounds=3)
-    asked = epochs(hook, labeler, 0, 8)
+    label_maker = CountingLabeler(finished=(0,))
+    hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=['a', 'b'], rounds=3)
+    asked = epochs(hook, label_maker, 0, 8)
     kept = [[('use', 2)]] * 3
     assert asked == [[('use', 0)]] * 2 + [refreshed(1), [('use', 1)], refreshed(2), *kept]
     assert hook.seconds > 0
@@ -103,42 +103,42 @@ def test_every_interval_epochs_a_new_round_until_there_are_enough():
 
 
 def test_before_training_the_first_labels_are_made_and_the_model_is_told_sizes():
-    labeler = CountingLabeler()
-    epochs(RegionMergeHook(interval=2, labeler=labeler, dataloader=[]), labeler, 0, 0)
-    assert labeler.events == [('start', False), ('inform', 'Model')]
+    label_maker = CountingLabeler()
+    epochs(RegionMergeHook(interval=2, label_maker=label_maker, dataloader=[]), label_maker, 0, 0)
+    assert label_maker.events == [('start', False), ('inform', 'Model')]
 
 
 def test_the_first_labels_may_last_longer():
-    labeler = CountingLabeler(finished=(0,))
-    hook = RegionMergeHook(interval=2, labeler=labeler, dataloader=['a', 'b'], rounds=4, first_rounds=2)
-    asked = epochs(hook, labeler, 0, 8)
+    label_maker = CountingLabeler(finished=(0,))
+    hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=['a', 'b'], rounds=4, warm_up_rounds=2)
+    asked = epochs(hook, label_maker, 0, 8)
     assert asked == [[('use', 0)]] * 4 + [refreshed(1), [('use', 1)], refreshed(2), [('use', 2)]]
 
 
 def test_one_round_means_that_the_first_labels_stay():
-    labeler = CountingLabeler(finished=(0,))
-    hook = RegionMergeHook(interval=1, labeler=labeler, dataloader=['a'], rounds=1)
-    assert epochs(hook, labeler, 0, 4) == [[('use', 0)]] * 4
+    label_maker = CountingLabeler(finished=(0,))
+    hook = RegionMergeHook(interval=1, label_maker=label_maker, dataloader=['a'], rounds=1)
+    assert epochs(hook, label_maker, 0, 4) == [[('use', 0)]] * 4
 
 
 @pytest.mark.parametrize('finished', [(0, 1), (0,)])
 def test_a_resumed_run_refreshes_only_what_is_not_complete(finished):
-    labeler = CountingLabeler(finished)
-    hook = RegionMergeHook(interval=2, labeler=labeler, dataloader=['a', 'b'], rounds=2)
-    asked = epochs(hook, labeler, 2, 4)
+    label_maker = CountingLabeler(finished)
+    hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=['a', 'b'], rounds=2)
+    asked = epochs(hook, label_maker, 2, 4)
     assert asked == [[('use', 1)] if 1 in finished else refreshed(1), [('use', 1)]]
 
 
 def test_a_run_resumed_inside_a_round_goes_on_with_its_labels():
-    labeler = CountingLabeler(finished=(0, 1))
-    hook = RegionMergeHook(interval=2, labeler=labeler, dataloader=['a', 'b'], rounds=3)
-    assert epochs(hook, labeler, 3, 5) == [[('use', 1)], refreshed(2)]
+    label_maker = CountingLabeler(finished=(0, 1))
+    hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=['a', 'b'], rounds=3)
+    assert epochs(hook, label_maker, 3, 5) == [[('use', 1)], refreshed(2)]
 
 
 def test_predictions_are_scattered_to_all_points_of_the_scene():
-    labeler = CountingLabeler(finished=(0,))
-    epochs(RegionMergeHook(interval=1, labeler=labeler, dataloader=['a'], rounds=2), labeler, 1, 2)
-    (prediction,) = labeler.predictions
+    label_maker = CountingLabeler(finished=(0,))
+    epochs(RegionMergeHook(interval=1, label_maker=label_maker, dataloader=['a'], rounds=2), label_maker, 1, 2)
+    (prediction,) = label_maker.predictions
     nan = np.nan
     np.testing.assert_array_equal(prediction.probabilities, [[1, 0], [nan, nan], [0.25, 0.75]])
     np.testing.assert_array_equal(prediction.centers, [[4, 5, 6], [nan, nan, nan], [1, 2, 3]])
@@ -153,10 +153,10 @@ def test_a_sample_may_leave_out_centres_and_indices_but_not_probabilities():
     assert prediction.centers is None and prediction.probabilities.tolist() == [[0.5, 0.5]]
 
 
-@pytest.mark.parametrize('field', ['interval', 'rounds', 'first_rounds'])
+@pytest.mark.parametrize('field', ['interval', 'rounds', 'warm_up_rounds'])
 def test_numbers_start_at_one(field):
     with pytest.raises(ValueError, match=f'RegionMergeHook.{field}: expected at least 1, got 0'):
-        RegionMergeHook(**{'interval': 1, 'labeler': CountingLabeler(), 'dataloader': [], field: 0})
+        RegionMergeHook(**{'interval': 1, 'label_maker': CountingLabeler(), 'dataloader': [], field: 0})
 
 
 def test_a_run_tells_what_its_labels_cost(finished):
@@ -177,15 +177,19 @@ def test_a_real_run_of_two_rounds_refreshes_each_scene_once_a_round(finished):
     assert list(store.scenes(1)) == scenes and store.current_round() == 1
 
 
-def test_revealed_labels_stay_as_they_are_from_round_to_round(finished):
+def test_annotated_labels_stay_as_they_are_from_round_to_round(finished):
     store = LabelStore(finished.folder / 'labels')
-    revealed = 0
+    annotated = 0
     for scene in store.scenes(0):
         first, second = store.read(scene, 0), store.read(scene, 1)
-        np.testing.assert_array_equal(first.point_is_true, second.point_is_true)
-        np.testing.assert_array_equal(first.semantic[first.point_is_true], second.semantic[second.point_is_true])
+        np.testing.assert_array_equal(first.point_is_annotated, second.point_is_annotated)
+        np.testing.assert_array_equal(
+            first.semantic[first.point_is_annotated], second.semantic[second.point_is_annotated]
+        )
         for labels in (first, second):
-            assert labels.box_is_true[: labels.box_is_true.sum()].all()
-        np.testing.assert_array_equal(first.boxes.tensor[first.box_is_true], second.boxes.tensor[second.box_is_true])
-        revealed += int(first.box_is_true.sum())
-    assert revealed == 1  # two boxes per ten scenes, at least one
+            assert labels.box_is_annotated[: labels.box_is_annotated.sum()].all()
+        np.testing.assert_array_equal(
+            first.boxes.tensor[first.box_is_annotated], second.boxes.tensor[second.box_is_annotated]
+        )
+        annotated += int(first.box_is_annotated.sum())
+    assert annotated == 1  # two boxes per ten scenes, at least one

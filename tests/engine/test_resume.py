@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from engine import tiny_runs
+from runs import tiny_runs
 
 from rm3d_plugin.storage import LabelStore
 

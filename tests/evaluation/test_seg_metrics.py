@@ -158,16 +158,16 @@ def test_rows_that_do_not_fit_are_an_error():
         run('InstanceSegMetric', [sample(**found(slice(39)))])
 
 
-def store_of(folder, semantic, instance, is_true):
+def store_of(folder, semantic, instance, is_annotated):
     store = LabelStore(folder)
     store.begin_round(0)
     labels = PseudoLabels(
         semantic=semantic,
         instance=instance,
-        point_is_true=is_true,
+        point_is_annotated=is_annotated,
         confidence=np.zeros(len(semantic), dtype=np.float32),
         boxes=Boxes3D.empty(),
-        box_is_true=np.zeros(0, dtype=bool),
+        box_is_annotated=np.zeros(0, dtype=bool),
     )
     store.write(0, 'a', labels)
     store.finish_round(0)
@@ -179,9 +179,9 @@ def test_pseudo_labels_by_hand(tmp_path):
     semantic[:2] = 2  # wrong
     semantic[2:6] = -1
     instance[:6] = -1
-    is_true = np.zeros(40, dtype=bool)
-    is_true[10] = True
-    store_of(tmp_path, semantic, instance, is_true)
+    is_annotated = np.zeros(40, dtype=bool)
+    is_annotated[10] = True
+    store_of(tmp_path, semantic, instance, is_annotated)
     xyz = np.zeros((40, 3), dtype=np.float32)
     xyz[:, 0] = np.arange(40)
     batch = {'inputs': {'points': [torch.as_tensor(xyz)]}}
@@ -189,7 +189,7 @@ def test_pseudo_labels_by_hand(tmp_path):
     votes[:, 0] = np.repeat([4.5, 14.5, 24.5, 0, 0], [10, 10, 10, 5, 5]) + 0.25
     got = run('PseudoLabelMetric', [sample(pred_point_centers=votes)], batch, label_store=tmp_path)
     assert got['coverage'] == pytest.approx(100 * 31 / 40)
-    assert got['coverage_chair'] == pytest.approx(100 * 15 / 19)  # the revealed one does not count
+    assert got['coverage_chair'] == pytest.approx(100 * 15 / 19)  # the annotated one does not count
     assert got['precision_chair'] == 100 and got['precision_table'] == pytest.approx(100 * 10 / 12)
     assert got['precision'] == pytest.approx(100 * 28 / 30)
     # points 6..9 of the first chair: centre 7.5 instead of 4.5; the rest is exact

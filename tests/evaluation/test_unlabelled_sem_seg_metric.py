@@ -1,4 +1,4 @@
-"""Revealed points do not count."""
+"""Annotated points do not count."""
 
 import numpy as np
 import pytest
@@ -11,17 +11,17 @@ from rm3d_plugin.structures import Boxes3D, PseudoLabels, SceneSample
 
 @pytest.fixture
 def store(tmp_path):
-    """Labels of a scene of six points, of which the first two are revealed."""
+    """Labels of a scene of six points, of which the first two are annotated."""
     labels = LabelStore(tmp_path)
     labels.begin_round(0)
-    semantic, revealed = np.array([0, 1, 0, -1, -1, 1]), np.array([1, 1, 0, 0, 0, 0], dtype=bool)
+    semantic, annotated = np.array([0, 1, 0, -1, -1, 1]), np.array([1, 1, 0, 0, 0, 0], dtype=bool)
     scene = PseudoLabels(
         semantic=semantic,
         instance=np.full(6, -1),
-        point_is_true=revealed,
+        point_is_annotated=annotated,
         confidence=np.where(semantic >= 0, 1, 0).astype(np.float32),
         boxes=Boxes3D.empty(),
-        box_is_true=np.zeros(0, dtype=bool),
+        box_is_annotated=np.zeros(0, dtype=bool),
         complete=False,
     )
     labels.write(0, 'a', scene, None)
@@ -32,7 +32,7 @@ def store(tmp_path):
 
 def sample():
     made = SceneSample(metainfo={'scene_id': 'a', 'num_points': 6})
-    made.pred_point_probs = torch.eye(2)[torch.tensor([1, 0, 0, 0, 1, 1])]  # both revealed points wrong
+    made.pred_point_probs = torch.eye(2)[torch.tensor([1, 0, 0, 0, 1, 1])]  # both annotated points wrong
     made.pts_semantic_mask = torch.tensor([0, 1, 0, 0, 1, 0])
     return made
 

@@ -19,29 +19,29 @@ TRUTH = Truth(BOXES, np.array([2, 1, 0, 0, 3]), np.array([0, 2, 1, 3, -1]))
 
 def fields(labels):
     assert labels.boxes.scores is not None
-    names = ('semantic', 'instance', 'point_is_true', 'confidence', 'box_is_true')
+    names = ('semantic', 'instance', 'point_is_annotated', 'confidence', 'box_is_annotated')
     boxes = (labels.boxes.tensor, labels.boxes.labels, labels.boxes.scores)
     return [getattr(labels, name) for name in names] + [*boxes, np.array(labels.complete)]
 
 
-def test_only_points_in_revealed_boxes_are_labelled():
+def test_only_points_in_annotated_boxes_are_labelled():
     seen = hide(XYZ, TRUTH, (1, 3))
     assert seen.semantic.tolist() == [-1, -1, 0, 0, -1]
     assert seen.instance.tolist() == [-1, -1, 0, 1, -1]
-    assert seen.point_is_true.tolist() == [False, False, True, True, False]
+    assert seen.point_is_annotated.tolist() == [False, False, True, True, False]
     assert seen.confidence.tolist() == [0, 0, 1, 1, 0]
     assert seen.confidence.dtype == np.float32
     np.testing.assert_array_equal(seen.boxes.tensor, BOXES.tensor[[1, 3]])
-    assert seen.box_is_true.tolist() == [True, True]
+    assert seen.box_is_annotated.tolist() == [True, True]
     assert not seen.complete
 
 
-def test_a_hidden_box_does_not_take_points_from_a_revealed_one():
+def test_a_hidden_box_does_not_take_points_from_a_annotated_one():
     assert hide(XYZ, TRUTH, (2,)).semantic.tolist() == [1, 1, -1, -1, -1]  # box 0 holds the first point too
     assert hide(XYZ, TRUTH, (0, 2)).semantic.tolist() == [2, 1, -1, -1, -1]
 
 
-def test_nothing_and_everything_revealed():
+def test_nothing_and_everything_annotated():
     nothing = hide(XYZ, TRUTH, ())
     assert (nothing.semantic == -1).all()
     assert len(nothing.boxes) == 0
@@ -58,15 +58,15 @@ def test_point_labels_are_not_needed():
     assert scramble_hidden(bare, (1,), np.random.default_rng(0)).semantic is None
 
 
-@pytest.mark.parametrize('revealed', [(), (0,), (1, 3), (2, 0), (0, 1, 2, 3)])
+@pytest.mark.parametrize('annotated', [(), (0,), (1, 3), (2, 0), (0, 1, 2, 3)])
 @pytest.mark.parametrize('seed', range(5))
-def test_noise_in_hidden_labels_changes_nothing_that_is_seen(revealed, seed):
-    noisy = scramble_hidden(TRUTH, revealed, np.random.default_rng(seed))
-    for a, b in zip(fields(hide(XYZ, TRUTH, revealed)), fields(hide(XYZ, noisy, revealed)), strict=True):
+def test_noise_in_hidden_labels_changes_nothing_that_is_seen(annotated, seed):
+    noisy = scramble_hidden(TRUTH, annotated, np.random.default_rng(seed))
+    for a, b in zip(fields(hide(XYZ, TRUTH, annotated)), fields(hide(XYZ, noisy, annotated)), strict=True):
         np.testing.assert_array_equal(a, b, strict=True)
 
 
-def test_noise_reaches_everything_hidden_and_nothing_revealed():
+def test_noise_reaches_everything_hidden_and_nothing_annotated():
     before = TRUTH.boxes.tensor.copy()
     labels, semantic = [], []
     for seed in range(40):
@@ -96,9 +96,9 @@ def test_any_frozen_truth_will_do():
     assert len(scramble_hidden(Other(Boxes3D.empty()), (), np.random.default_rng(0)).boxes) == 0
 
 
-@pytest.mark.parametrize('revealed', [(4,), (-1,)])
-def test_rows_out_of_range(revealed):
-    for function in (lambda: hide(XYZ, TRUTH, revealed), lambda: scramble_hidden(TRUTH, revealed, None)):
+@pytest.mark.parametrize('annotated', [(4,), (-1,)])
+def test_rows_out_of_range(annotated):
+    for function in (lambda: hide(XYZ, TRUTH, annotated), lambda: scramble_hidden(TRUTH, annotated, None)):
         with pytest.raises(ValueError, match='expected rows of 4 boxes.*draw the label budget again'):
             function()
 

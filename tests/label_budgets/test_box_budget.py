@@ -24,36 +24,36 @@ def world(scenes=50, seed=0, classes=(0.7, 0.25, 0.05)):
 
 
 def chosen(budget, labels):
-    return [labels[name][row] for name, rows in budget.revealed.items() for row in rows]
+    return [labels[name][row] for name, rows in budget.annotated.items() for row in rows]
 
 
 @pytest.mark.parametrize(('name', 'expected'), [('1pct', 10), ('0p5pct', 5)])
 def test_named_budgets_count_boxes_by_scenes(name, expected):
     budget = draw_box_budget(world(50), name, seed=0)
-    assert budget.revealed_count == expected == sum(budget.revealed_per_class.values())
+    assert budget.annotated_count == expected == sum(budget.annotated_per_class.values())
     assert not budget.complete
 
 
 def test_three_percent_and_everything():
     labels = world(100)
     total = sum(len(rows) for rows in labels.values())
-    assert draw_box_budget(labels, '3pct', seed=0).revealed_count == round(0.03 * total)
+    assert draw_box_budget(labels, '3pct', seed=0).annotated_count == round(0.03 * total)
     full = draw_box_budget(labels, 'full', seed=0, lidar_points={n: np.zeros(len(v)) for n, v in labels.items()})
     assert full.complete
-    assert full.revealed == {name: tuple(range(len(rows))) for name, rows in labels.items()}
-    assert full.revealed_per_class == full.total_per_class
+    assert full.annotated == {name: tuple(range(len(rows))) for name, rows in labels.items()}
+    assert full.annotated_per_class == full.total_per_class
 
 
 def test_counts_by_hand():
     labels = {'a': np.array([0, 0, 1]), 'b': np.array([], dtype=int), 'c': np.array([0])}
     budget = draw_box_budget(labels, BoxAmount(per_scene=1), seed=0)
     assert budget.total_per_class == {0: 3, 1: 1}
-    assert budget.revealed_per_class == {0: 2, 1: 1}
+    assert budget.annotated_per_class == {0: 2, 1: 1}
     assert budget.boxes_per_scene == {'a': 3, 'b': 0, 'c': 1}
-    assert budget.revealed['a'][-1] == 2  # the only box of class 1
-    assert len(budget.revealed['a']) == 2
-    assert budget.revealed['c'] == (0,)  # before a third box of scene a
-    assert budget.revealed['b'] == ()
+    assert budget.annotated['a'][-1] == 2  # the only box of class 1
+    assert len(budget.annotated['a']) == 2
+    assert budget.annotated['c'] == (0,)  # before a third box of scene a
+    assert budget.annotated['b'] == ()
 
 
 @settings(derandomize=True, max_examples=60, deadline=None)
@@ -62,20 +62,20 @@ def test_promises(scenes, seed, per_scene):
     labels = world(scenes, seed)
     present = {int(c) for rows in labels.values() for c in rows}
     if not present:
-        with pytest.raises(BudgetError, match='no box can be revealed'):
+        with pytest.raises(BudgetError, match='no box can be annotated'):
             draw_box_budget(labels, BoxAmount(per_scene=per_scene), seed)
         return
     budget = draw_box_budget(labels, BoxAmount(per_scene=per_scene), seed)
     total = sum(len(rows) for rows in labels.values())
     wanted = max(1, round(per_scene * scenes))
-    assert budget.revealed_count == min(wanted, total)
+    assert budget.annotated_count == min(wanted, total)
     assert len(set(chosen(budget, labels))) == min(wanted, len(present)) or wanted > len(present)
     if wanted >= len(present):
         assert set(chosen(budget, labels)) == present
-    for name, rows in budget.revealed.items():
+    for name, rows in budget.annotated.items():
         assert list(rows) == sorted(set(rows))
         assert all(0 <= row < len(labels[name]) for row in rows)
-    counts = {name: len(rows) for name, rows in budget.revealed.items() if len(labels[name])}
+    counts = {name: len(rows) for name, rows in budget.annotated.items() if len(labels[name])}
     if max(counts.values()) > 1 and wanted > len(present) and min(counts.values()) == 0:
         # a scene has two although another has none: only a class that would else be empty may do so
         doubled = sum(count - 1 for count in counts.values() if count)
@@ -86,7 +86,7 @@ def test_the_draw_is_a_function_of_the_seed_not_of_the_order_of_scenes():
     labels = world(80)
     first = draw_box_budget(labels, '1pct', seed=3)
     again = draw_box_budget(dict(reversed(labels.items())), '1pct', seed=3)
-    assert (first.revealed, first.hash) == (again.revealed, again.hash)
+    assert (first.annotated, first.hash) == (again.annotated, again.hash)
     others = {draw_box_budget(labels, '1pct', seed=seed).hash for seed in range(20)}
     assert len(others) == 20
 
@@ -96,7 +96,7 @@ def test_every_box_has_its_chance():
     hits = {(name, row): 0 for name, rows in labels.items() for row in range(len(rows))}
     for seed in range(600):
         budget = draw_box_budget(labels, BoxAmount(per_scene=1 / 3), seed)
-        for name, rows in budget.revealed.items():
+        for name, rows in budget.annotated.items():
             for row in rows:
                 hits[name, row] += 1
     assert sum(hits.values()) == 600
@@ -108,7 +108,7 @@ def test_boxes_with_few_points_are_not_drawn():
     rng = np.random.default_rng(1)
     points = {name: rng.integers(0, 12, size=len(rows)) for name, rows in labels.items()}
     budget = draw_box_budget(labels, BoxAmount(fraction=0.9), seed=0, lidar_points=points, min_points=6)
-    drawn = [points[name][row] for name, rows in budget.revealed.items() for row in rows]
+    drawn = [points[name][row] for name, rows in budget.annotated.items() for row in rows]
     assert min(drawn) == 6
     assert len(drawn) == sum(int((p >= 6).sum()) for p in points.values())
     with pytest.raises(BudgetError, match=r'hold 4 boxes, none with 99 points; check classes and range'):
@@ -153,7 +153,7 @@ def test_rows_are_checked_against_the_scene():
         budget.rows('a', 3)
 
 
-def test_summary_names_what_is_revealed():
+def test_summary_names_what_is_annotated():
     budget = draw_box_budget({'a': np.array([0, 0, 2]), 'b': np.array([0])}, BoxAmount(per_scene=1), seed=7)
     text = budget.summary(('Car', 'Pedestrian', 'Cyclist'))
     assert text.splitlines()[0].endswith('seed 7: 2 of 4 boxes (50.00 %) in 2 of 2 scenes')
@@ -174,8 +174,8 @@ def test_an_altered_budget_is_refused(tmp_path):
     path = tmp_path / 'b.json'
     save_box_budget(path, draw_box_budget(world(30), '1pct', seed=1))
     content = json.loads(path.read_text())
-    name = next(name for name, rows in content['revealed'].items() if not rows and content['boxes_per_scene'][name])
-    for change in ({'seed': 2}, {'complete': True}, {'revealed': {**content['revealed'], name: [0]}}):
+    name = next(name for name, rows in content['annotated'].items() if not rows and content['boxes_per_scene'][name])
+    for change in ({'seed': 2}, {'complete': True}, {'annotated': {**content['annotated'], name: [0]}}):
         path.write_text(json.dumps(content | change))
         with pytest.raises(BudgetError, match=r'b\.json: was altered after it was drawn'):
             load_box_budget(path)
@@ -196,14 +196,14 @@ def test_a_missing_file_says_how_to_draw_one(tmp_path):
 def test_classes_alike_take_turns_from_fresh_scenes():
     labels = {f'{i:02d}': np.array([0] * 5 + [1] * (i % 4 == 0) + [2] * (i == 7)) for i in range(20)}
     budget = draw_box_budget(labels, BoxAmount(per_scene=0.5, alike=True), seed=3)
-    assert budget.revealed_per_class == {0: 4, 1: 5, 2: 1}  # one box of class 2; the others in turn, the rarer first
-    assert max(len(rows) for rows in budget.revealed.values()) <= 2  # class 1 has no more scenes than it needs
+    assert budget.annotated_per_class == {0: 4, 1: 5, 2: 1}  # one box of class 2; the others in turn, the rarer first
+    assert max(len(rows) for rows in budget.annotated.values()) <= 2  # class 1 has no more scenes than it needs
     assert budget.hash != draw_box_budget(labels, BoxAmount(per_scene=0.5), seed=3).hash
 
 
 def test_more_than_there_is_ends_the_turns():
     labels = {'a': np.array([0, 0, 1])}
-    assert draw_box_budget(labels, BoxAmount(per_scene=9, alike=True), seed=0).revealed == {'a': (0, 1, 2)}
+    assert draw_box_budget(labels, BoxAmount(per_scene=9, alike=True), seed=0).annotated == {'a': (0, 1, 2)}
 
 
 def test_a_budget_of_classes_alike_comes_back_equal(tmp_path):

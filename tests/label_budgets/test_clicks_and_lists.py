@@ -159,8 +159,8 @@ def test_budget_of_clicks():
     budget = budget_from_clicks(
         ['t', 's'], lambda scene: CLOUD, [click(1, semantic=1, instance=5), click(2)], amount, 0
     )
-    assert budget.revealed_per_class == budget.total_per_class == {0: 1, 1: 1}
-    assert budget.revealed['s'].points.tolist() == [1, 2] and len(budget.revealed['t'].points) == 0
+    assert budget.annotated_per_class == budget.total_per_class == {0: 1, 1: 1}
+    assert budget.annotated['s'].points.tolist() == [1, 2] and len(budget.annotated['t'].points) == 0
     assert tuple(budget.sizes['s']) == (5, 2, 1) and not budget.complete
     with pytest.raises(BudgetError, match="line 1: there is no scene 's' among 1: t"):
         budget_from_clicks(['t'], lambda scene: CLOUD, [click(1)], amount, 0)
@@ -201,11 +201,11 @@ def test_point_lists_of_all_kinds(tmp_path, kind):
     assert {name: rows.tolist() for name, rows in read_point_list(path).items()} == LISTED
     scenes = ['scene0002_00', 'scene0000_00', 'scene0001_00']
     budget = import_point_list(scenes, truth_of, PointAmount(point_list=str(path)), 0)
-    assert budget.revealed['scene0000_00'].points.tolist() == [1, 3]
-    assert budget.revealed['scene0000_00'].semantic.tolist() == [1, 2]
-    assert budget.revealed['scene0000_00'].instance.tolist() == [5, 6]
-    assert budget.revealed['scene0002_00'].points.tolist() == []
-    assert budget.revealed_count == 3
+    assert budget.annotated['scene0000_00'].points.tolist() == [1, 3]
+    assert budget.annotated['scene0000_00'].semantic.tolist() == [1, 2]
+    assert budget.annotated['scene0000_00'].instance.tolist() == [5, 6]
+    assert budget.annotated['scene0002_00'].points.tolist() == []
+    assert budget.annotated_count == 3
 
 
 def test_arrays_written_by_an_old_numpy(tmp_path):
@@ -244,7 +244,7 @@ def test_lists_that_cannot_be_used(tmp_path):
     refused('c.json', '{"scene0000_00": [4]}', r'has the points 0\.\.3, but the list names 4')
     refused('d.json', '{"scene0000_00": [-1]}', 'names -1')
     refused('e.json', '{"sceneX": [1], "sceneY": []}', 'names none of the 1 scenes; it names sceneX, sceneY')
-    refused('f.json', '{"scene0000_00": [2]}', 'no point can be revealed')  # a point without a label
+    refused('f.json', '{"scene0000_00": [2]}', 'no point can be annotated')  # a point without a label
     refused('g.pth', b'junk', 'not readable')
     refused('h.json', '{', 'not readable')
     with pytest.raises(BudgetError, match='no such list'):
@@ -258,7 +258,7 @@ def test_lists_count_the_points_of_the_file_where_the_scene_is_thinned(tmp_path)
     path = write(tmp_path / 'p.json', '{"s": [0, 5, 6]}')
     rows = np.array([0, 0, 1, 2, 2, 3, 3])
     budget = import_point_list(['s'], truth_of, PointAmount(point_list=str(path)), 0, lambda scene: rows)
-    assert budget.revealed['s'].points.tolist() == [0, 3]
+    assert budget.annotated['s'].points.tolist() == [0, 3]
 
 
 def test_scene_lists(tmp_path):
@@ -266,7 +266,7 @@ def test_scene_lists(tmp_path):
     assert read_scene_list(path) == ['scene0000_00', 'scene0001_00', 'scene0999_00']
     scenes = ['scene0000_00', 'scene0001_00', 'scene0002_00']
     budget = import_point_list(scenes, truth_of, PointAmount(scene_list=str(path)), 0)
-    assert budget.complete == {'scene0000_00', 'scene0001_00'} and budget.revealed_count == 6
+    assert budget.complete == {'scene0000_00', 'scene0001_00'} and budget.annotated_count == 6
     with pytest.raises(BudgetError, match='names none of the 1 scenes'):
         import_point_list(['x'], truth_of, PointAmount(scene_list=str(path)), 0)
     with pytest.raises(BudgetError, match='names no scene'):

@@ -160,13 +160,13 @@ def test_counts_and_labels_by_hand():
     truths = {'a': truth([0, 0, 1, -1], [-1, -1, 5, -1]), 'b': truth([1, 1, 1]), 'c': truth([-1])}
     budget = draw(truths, 'onept')
     assert budget.total_per_class == {0: 2, 1: 4}
-    assert budget.revealed_per_class == {0: 1, 1: 2}
-    assert budget.revealed_count == 3
+    assert budget.annotated_per_class == {0: 1, 1: 2}
+    assert budget.annotated_count == 3
     assert tuple(budget.sizes['a']) == (4, 3, 1)
-    assert budget.revealed['a'].points[-1] == 2 and budget.revealed['a'].instance.tolist() == [-1, 5]
-    assert budget.revealed['a'].semantic.tolist() == [0, 1]
-    assert budget.revealed['b'].instance.tolist() == [-1]
-    assert budget.revealed['c'].points.tolist() == []
+    assert budget.annotated['a'].points[-1] == 2 and budget.annotated['a'].instance.tolist() == [-1, 5]
+    assert budget.annotated['a'].semantic.tolist() == [0, 1]
+    assert budget.annotated['b'].instance.tolist() == [-1]
+    assert budget.annotated['c'].points.tolist() == []
     lines = budget.summary(('ground', 'car')).splitlines()
     assert lines[0].endswith('seed 0: 3 of 6 labelled points (50 %) in 2 of 3 scenes')
     assert [line.split() for line in lines[1:]] == [['ground', '1', 'of', '2'], ['car', '2', 'of', '4']]
@@ -175,9 +175,9 @@ def test_counts_and_labels_by_hand():
 def test_instances_may_stay_hidden():
     hidden = draw(world(), '20pts_no_instances')
     shown = draw(world(), '20pts')
-    for name, points in hidden.revealed.items():
-        np.testing.assert_array_equal(points.points, shown.revealed[name].points)
-        assert (points.instance == -1).all() and (shown.revealed[name].instance >= 0).any()
+    for name, points in hidden.annotated.items():
+        np.testing.assert_array_equal(points.points, shown.annotated[name].points)
+        assert (points.instance == -1).all() and (shown.annotated[name].instance >= 0).any()
     assert 'instances stay hidden' in hidden.summary() and 'hidden' not in shown.summary()
 
 
@@ -187,25 +187,25 @@ def test_a_scene_is_drawn_from_the_seed_and_itself_alone():
     again = draw(dict(reversed(truths.items())), '20pts', 3)
     assert first.hash == again.hash
     alone = draw({'s2': truths['s2']}, '20pts', 3)
-    np.testing.assert_array_equal(alone.revealed['s2'].points, first.revealed['s2'].points)
+    np.testing.assert_array_equal(alone.annotated['s2'].points, first.annotated['s2'].points)
     other = dict(truths, s0=world(seed=9)['s0'])
-    np.testing.assert_array_equal(draw(other, '20pts', 3).revealed['s1'].points, first.revealed['s1'].points)
+    np.testing.assert_array_equal(draw(other, '20pts', 3).annotated['s1'].points, first.annotated['s1'].points)
     assert len({draw(truths, '20pts', seed).hash for seed in range(10)}) == 10
-    assert first.revealed['s0'].points.tolist() != first.revealed['s1'].points.tolist()
+    assert first.annotated['s0'].points.tolist() != first.annotated['s1'].points.tolist()
 
 
 def test_scene_budgets_reveal_whole_scenes():
     truths = world(scenes=20)
     budget = draw(truths, 'scenes10pct')
     assert len(budget.complete) == 2
-    assert budget.revealed_count == sum(int((truths[name].semantic >= 0).sum()) for name in budget.complete)
-    assert all(len(points.points) == 0 for points in budget.revealed.values())
+    assert budget.annotated_count == sum(int((truths[name].semantic >= 0).sum()) for name in budget.complete)
+    assert all(len(points.points) == 0 for points in budget.annotated.values())
     assert draw(world(scenes=3), 'scenes1pct').complete  # at least one
     assert len({draw(truths, 'scenes10pct', seed).complete for seed in range(10)}) > 5
     assert ', 2 of them completely' in budget.summary()
     full = draw(truths, 'full')
     assert full.complete == frozenset(truths)
-    assert full.revealed_per_class == full.total_per_class
+    assert full.annotated_per_class == full.total_per_class
 
 
 def test_points_are_checked_against_the_scene():
@@ -221,11 +221,11 @@ def test_points_are_checked_against_the_scene():
 
 def test_nothing_to_reveal():
     for truths in ({}, {'a': truth([-1, -1])}, {'a': truth([])}):
-        with pytest.raises(BudgetError, match=rf'no point can be revealed: {len(truths)} scenes hold 0 labelled'):
+        with pytest.raises(BudgetError, match=rf'no point can be annotated: {len(truths)} scenes hold 0 labelled'):
             draw(truths, 'onept')
     with pytest.raises(BudgetError, match='scene a: has no point labels'):
         draw({'a': SimpleNamespace(boxes=None, semantic=None, instance=None)}, 'onept')
-    with pytest.raises(BudgetError, match=r'my\.csv says what is revealed'):
+    with pytest.raises(BudgetError, match=r'my\.csv says what is annotated'):
         draw(world(), {'clicks': 'my.csv'})
 
 
@@ -238,9 +238,9 @@ def test_a_saved_budget_comes_back_equal(tmp_path, name):
     save_point_budget(tmp_path / 'b.json', budget)
     again = load_point_budget(tmp_path / 'b.json')
     assert (again.hash, again.amount, again.seed, again.complete) == (budget.hash, budget.amount, 11, budget.complete)
-    assert again.revealed_per_class == budget.revealed_per_class and again.sizes == budget.sizes
-    for scene, points in budget.revealed.items():
-        for ours, theirs in zip(points, again.revealed[scene], strict=True):
+    assert again.annotated_per_class == budget.annotated_per_class and again.sizes == budget.sizes
+    for scene, points in budget.annotated.items():
+        for ours, theirs in zip(points, again.annotated[scene], strict=True):
             np.testing.assert_array_equal(ours, theirs, strict=True)
 
 
@@ -285,17 +285,17 @@ def test_other_files_are_refused(tmp_path, text, words):
 
 
 @pytest.mark.parametrize('instances', [True, False])
-@pytest.mark.parametrize('revealed', [(), (0,), (3, 1, 60), tuple(range(100))])
-def test_noise_in_hidden_labels_changes_nothing_that_is_seen(revealed, instances):
+@pytest.mark.parametrize('annotated', [(), (0,), (3, 1, 60), tuple(range(100))])
+def test_noise_in_hidden_labels_changes_nothing_that_is_seen(annotated, instances):
     known = truth(SEMANTIC, INSTANCE)
     for seed in range(5):
-        noisy = scramble_hidden_points(known, revealed, np.random.default_rng(seed), instances)
-        ours, theirs = hide_points(known, revealed, instances), hide_points(noisy, revealed, instances)
+        noisy = scramble_hidden_points(known, annotated, np.random.default_rng(seed), instances)
+        ours, theirs = hide_points(known, annotated, instances), hide_points(noisy, annotated, instances)
         for a, b in zip(ours, theirs, strict=True):
             np.testing.assert_array_equal(a, b, strict=True)
 
 
-def test_noise_reaches_everything_hidden_and_nothing_revealed():
+def test_noise_reaches_everything_hidden_and_nothing_annotated():
     known, kept = truth(SEMANTIC, INSTANCE), np.array([2, 55, 80])
     noisy = [scramble_hidden_points(known, kept, np.random.default_rng(seed)) for seed in range(40)]
     for name, before in (('semantic', SEMANTIC), ('instance', INSTANCE)):

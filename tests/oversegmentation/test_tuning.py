@@ -82,16 +82,16 @@ def stripes(widths=(20, 20, 20, 20), step=20.0):
 def test_planted_strips_are_found():
     """Angles under 20 degrees keep four strips apart, larger ones make a single region."""
     cloud, nothing, truth = stripes()
-    weak = np.full(len(truth), -1)
+    annotated = np.full(len(truth), -1)
     weak[::97] = truth[::97]
-    tuning = tune_region_growing([cloud], [nothing], [weak], target_regions=4)
-    assert tuning.score == Score(4, 0, (weak >= 0).sum())
+    tuning = tune_region_growing([cloud], [nothing], [annotated], target_regions=4)
+    assert tuning.score == Score(4, 0, (annotated >= 0).sum())
     assert 3 < tuning.options['theta'] < 20
     labels = RegionGrowing(**tuning.options).segment(cloud, nothing).labels
     assert all(len(np.unique(labels[truth == k])) == 1 for k in range(4)) and labels.max() == 3
     collapsed = tuning.trials[0]  # sqrt(3 * 60) = 13 degrees separates; conflicts rise only where strips run together
     assert collapsed.score.conflicts == 0
-    wide = tune_region_growing([cloud], [nothing], [weak], 1)
+    wide = tune_region_growing([cloud], [nothing], [annotated], 1)
     assert wide.options['theta'] > 20 and wide.score.conflicts > 0
 
 
@@ -105,9 +105,9 @@ def test_zeta_is_chosen_by_the_labels():
         curvature=np.where(band, 0.03, 0.0),
     )
     nothing = Descriptors(np.zeros((len(grid), 1), np.float32), np.zeros(len(grid), bool))
-    weak = np.full(len(grid), -1)
+    annotated = np.full(len(grid), -1)
     weak[::50] = (grid[::50, 1] >= 30) * 1
-    tuning = tune_region_growing([cloud], [nothing], [weak], 2, zetas=(0.1, 0.01), steps=2)
+    tuning = tune_region_growing([cloud], [nothing], [annotated], 2, zetas=(0.1, 0.01), steps=2)
     assert tuning.options['zeta'] == 0.01 and tuning.score.conflicts <= 1
     assert tuning.trials[0].score.regions == 1 and tuning.trials[0].score.conflicts > 5
 
@@ -116,12 +116,12 @@ def test_the_same_input_gives_the_same_result_and_labels_matter_not_by_name():
     xyz, truth = make_room(density=150)
     cloud = with_normals(PointCloud(xyz))
     described = SuperpointGraph(k=20).compute(cloud)
-    weak = np.full(len(truth), -1)
+    annotated = np.full(len(truth), -1)
     rows = np.random.default_rng(0).choice(len(truth), 60, replace=False)
     weak[rows] = truth[rows]
-    found = [tune_region_growing([cloud], [described], [weak], 40, zetas=(0.01, 0.02), steps=4) for _ in range(2)]
+    found = [tune_region_growing([cloud], [described], [annotated], 40, zetas=(0.01, 0.02), steps=4) for _ in range(2)]
     renamed = tune_region_growing(
-        [cloud], [described], [np.where(weak >= 0, 50 - weak, -1)], 40, None, (0.01, 0.02), steps=4
+        [cloud], [described], [np.where(annotated >= 0, 50 - annotated, -1)], 40, None, (0.01, 0.02), steps=4
     )
     assert found[0] == found[1] == renamed
     assert abs(np.log(found[0].score.regions / 40)) < np.log(1.6)
@@ -134,8 +134,10 @@ def test_ground_is_taken_off_first():
     box = rng.uniform(0, 1, (500, 3)) * [0.05, 1.5, 1.5] + [5, 0, -1.2]
     cloud = PointCloud(np.concatenate([floor, box]), sensor=(0.0, 0.0, 0.0))
     nothing = Descriptors(np.zeros((len(cloud), 1), np.float32), np.zeros(len(cloud), bool))
-    weak = np.zeros(len(cloud), int)
-    tuning = tune_region_growing([cloud], [nothing], [weak], 3, {'ground': {}, 'zeta': 9.0, 'max_edge': 0.3}, steps=2)
+    annotated = np.zeros(len(cloud), int)
+    tuning = tune_region_growing(
+        [cloud], [nothing], [annotated], 3, {'ground': {}, 'zeta': 9.0, 'max_edge': 0.3}, steps=2
+    )
     assert tuning.score.labelled < 1200 and max(trial.options['zeta'] for trial in tuning.trials) < 1
 
 
@@ -143,9 +145,9 @@ def test_input_that_cannot_be_used():
     cloud, nothing, truth = stripes()
     with pytest.raises(ValueError, match='no point is labelled'):
         tune_region_growing([cloud], [nothing], [np.full(len(truth), -1)], 4)
-    with pytest.raises(ValueError, match='1 clouds, 1 descriptors, 2 weak labels'):
+    with pytest.raises(ValueError, match='1 clouds, 1 descriptors, 2 annotated labels'):
         tune_region_growing([cloud], [nothing], [truth, truth], 4)
     with pytest.raises(ValueError, match='0 clouds'):
         tune_region_growing([], [], [], 4)
-    with pytest.raises(ValueError, match='has 2400 descriptors and 3 weak labels'):
+    with pytest.raises(ValueError, match='has 2400 descriptors and 3 annotated labels'):
         tune_region_growing([cloud], [nothing], [truth[:3]], 4)

@@ -1,10 +1,10 @@
-"""A floor of square patches, four to an object, with true classes, predictions and a few revealed points."""
+"""A floor of square patches, four to an object, with true classes, predictions and a few annotated points."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from rm3d_plugin.pseudo_labels import WeakLabels
+from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.structures import Boxes3D, PointCloud, RegionGraph, Regions
 
 SIDE, POINTS, CLASSES = 8, 12, 3
@@ -16,11 +16,11 @@ class Patches:
     regions: Regions
     graph: RegionGraph
     truth: np.ndarray
-    weak: WeakLabels
+    annotated: AnnotatedLabels
 
     @property
     def counts(self):
-        return np.bincount(self.weak.semantic[self.weak.semantic >= 0], minlength=CLASSES)
+        return np.bincount(self.annotated.semantic[self.annotated.semantic >= 0], minlength=CLASSES)
 
     def softmax(self, rng, noise=0.6):
         rows = np.full((len(self.truth), CLASSES), 0.1)
@@ -30,7 +30,7 @@ class Patches:
         return rows / rows.sum(axis=1, keepdims=True)
 
 
-def make_patches(seed=0, revealed=0.03):
+def make_patches(seed=0, share=0.03):
     rng = np.random.default_rng(seed)
     cell = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE), indexing='ij'), axis=-1).reshape(-1, 2)
     xyz = np.concatenate([np.c_[c + rng.random((POINTS, 2)), np.zeros(POINTS)] for c in cell])
@@ -49,6 +49,6 @@ def make_patches(seed=0, revealed=0.03):
         sizes=np.full(count, POINTS),
         edges=np.argwhere(np.triu(gap == 1)),
     )
-    known = rng.random(len(xyz)) < revealed
-    weak = WeakLabels(np.where(known, truth, -1), np.where(known, thing[patch], -1), Boxes3D.empty())
-    return Patches(PointCloud(xyz), Regions(patch), graph, truth, weak)
+    known = rng.random(len(xyz)) < share
+    annotated = AnnotatedLabels(np.where(known, truth, -1), np.where(known, thing[patch], -1), Boxes3D.empty())
+    return Patches(PointCloud(xyz), Regions(patch), graph, truth, annotated)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rm3d_plugin.pseudo_labels.looks import RegionExamples
+from rm3d_plugin.pseudo_labels.region_prior.features import RegionExamples
 from rm3d_plugin.structures import RegionGraph
 
 

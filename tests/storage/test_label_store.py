@@ -16,10 +16,10 @@ def labels(value=0, points=4, true_boxes=1):
     return PseudoLabels(
         semantic=np.full(points, value),
         instance=np.arange(points) - 1,
-        point_is_true=np.arange(points) < 2,
+        point_is_annotated=np.arange(points) < 2,
         confidence=np.linspace(0, 1, points, dtype=np.float32),
         boxes=boxes,
-        box_is_true=np.arange(2) < true_boxes,
+        box_is_annotated=np.arange(2) < true_boxes,
     )
 
 
@@ -43,7 +43,7 @@ def test_labels_come_back_bit_for_bit(store, complete):
     store.write(0, 'Area_1/office 2', given, {'score': np.array([0.1])})
     store.finish_round(0)
     read = store.read('Area_1/office 2', round=0)
-    for name in ('semantic', 'instance', 'point_is_true', 'confidence', 'box_is_true'):
+    for name in ('semantic', 'instance', 'point_is_annotated', 'confidence', 'box_is_annotated'):
         np.testing.assert_array_equal(getattr(read, name), getattr(given, name), strict=True)
     for name in ('tensor', 'labels', 'scores'):
         np.testing.assert_array_equal(getattr(read.boxes, name), getattr(given.boxes, name), strict=True)

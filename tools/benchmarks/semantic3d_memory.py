@@ -46,12 +46,12 @@ def main() -> None:
         with multiprocessing.get_context('spawn').Pool(1) as pool:  # its memory is not the reader's
             lines = pool.apply(write_station, (folder, millions))
         size = (folder / 'sg27_station4_intensity_rgb.txt').stat().st_size / 2**20
-        dataset = Semantic3DDataset(folder, stations=['sg27_station4'], voxel_thin=0.2, cache=folder / 'cache')
+        dataset = Semantic3DDataset(folder, stations=['sg27_station4'], voxel_downsample=0.2, cache=folder / 'cache')
         before, start = peak(), time.process_time()
         kept = len(dataset.load_cloud(0))
         first, middle = time.process_time() - start, time.process_time()
         after = peak()
-        dataset = Semantic3DDataset(folder, stations=['sg27_station4'], voxel_thin=0.2, cache=folder / 'cache')
+        dataset = Semantic3DDataset(folder, stations=['sg27_station4'], voxel_downsample=0.2, cache=folder / 'cache')
         assert len(dataset.load_cloud(0)) == kept
         again = time.process_time() - middle
         assert sum(map(len, dataset.original_pieces(0))) == lines

@@ -7,7 +7,7 @@ train_pipeline = [
     dict(type='ColorAutoContrast'),
     dict(type='ColorJitter'),
     dict(type='ShapeFeatures', cache='${cache_dir}', recent='${recent_scenes}'),
-    dict(type='LevelGround', recent='${recent_scenes}'),
+    dict(type='HeightAboveGround', recent='${recent_scenes}'),
     dict(type='ClassCrop', max_points='${crop_points}'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
     dict(type='RandomFlipY', prob=0.5),
@@ -16,7 +16,7 @@ train_pipeline = [
 ]
 eval_pipeline = [
     dict(type='ShapeFeatures', cache='${cache_dir}', recent='${recent_scenes}'),
-    dict(type='LevelGround', recent='${recent_scenes}'),
+    dict(type='HeightAboveGround', recent='${recent_scenes}'),
     dict(type='PackScene'),
 ]
 label_dataloader = dict(dataset=dict(pipeline='${eval_pipeline}'))

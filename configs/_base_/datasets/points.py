@@ -3,13 +3,13 @@
 _base_ = './loaders.py'
 train_split = 'train'
 val_split = 'val'
-voxel_thin = None  # m; keep one point in each cube of this edge
+voxel_downsample = None  # m; keep one point in each cube of this edge
 
 train_dataloader = dict(
     dataset=dict(
         type='${dataset_type}',
         split='${train_split}',
-        voxel_thin='${voxel_thin}',
+        voxel_downsample='${voxel_downsample}',
         pipeline='${train_pipeline}',
     ),
 )
@@ -17,7 +17,7 @@ label_dataloader = dict(
     dataset=dict(
         type='${dataset_type}',
         split='${train_split}',
-        voxel_thin='${voxel_thin}',
+        voxel_downsample='${voxel_downsample}',
         pipeline=[dict(type='PackScene')],
     ),
 )
@@ -25,7 +25,7 @@ val_dataloader = dict(
     dataset=dict(
         type='${dataset_type}',
         split='${val_split}',
-        voxel_thin='${voxel_thin}',
+        voxel_downsample='${voxel_downsample}',
         pipeline=[dict(type='PackScene')],
     ),
 )

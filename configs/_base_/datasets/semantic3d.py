@@ -5,7 +5,7 @@ data_root = 'data/semantic3d'
 num_classes = 8
 thing_classes = []
 point_columns = ['intensity', 'rgb', 'shape']
-voxel_thin = 0.05  # m; a station has up to 10^8 points
+voxel_downsample = 0.05  # m; a station has up to 10^8 points
 train_dataloader = dict(dataset=dict(cache='${cache_dir}'))
 label_dataloader = dict(dataset=dict(cache='${cache_dir}'))
 val_dataloader = dict(dataset=dict(cache='${cache_dir}'))

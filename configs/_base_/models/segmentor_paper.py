@@ -10,28 +10,33 @@ model = dict(
         type='SemanticHead',
         balance='${class_balance}',
         pseudo_weight='${pseudo_weight}',
-        true_share='${true_share}',
+        annotated_share='${annotated_share}',
     ),
     instance_head='${instance_head}',
     aug_loss='${aug_loss}',
     dice_loss='${dice_loss}',
     thing_classes='${thing_classes}',
     inference=dict(
-        first_angle='${first_angle}', votes='${votes}', region_share='${region_share}', prior_power='${prior_power}'
+        first_angle='${first_angle}',
+        votes='${votes}',
+        superpoint_smoothing='${superpoint_smoothing}',
+        logit_adjustment='${logit_adjustment}',
     ),
 )
 voxel_size = 0.02  # m
 widths = [16, 32, 48, 64, 80, 96, 112]
 blocks = 2
 votes = 1  # directions from which a scene is predicted
-region_share = 0.0  # of a point's probabilities that is its region's mean; above 0 eval_pipeline needs RegionNumbers
-prior_power = 0.0  # of the classes' revealed labels, at test time; larger: rare classes are said more rarely
+superpoint_smoothing = (
+    0.0  # of a point's probabilities that is its region's mean; above 0 eval_pipeline needs RegionNumbers
+)
+logit_adjustment = 0.0  # of the classes' annotated labels, at test time; larger: rare classes are said more rarely
 first_angle = 0.0  # degrees by which a scene is turned before it is predicted
 use_coordinates = False  # True: the place in the scene too; crops then differ from whole scenes
 use_columns = '${point_columns}'  # []: a network that sees shapes only
-class_balance = 'none'  # 'frequency': by the revealed labels; 'batch': by the labels of a batch
-pseudo_weight = 1.0  # of a label that the budget did not reveal
-true_share = None  # of L_WSL that revealed labels have, however few; None: all labels alike
+class_balance = 'none'  # 'frequency': by the annotated labels; 'batch': by the labels of a batch
+pseudo_weight = 1.0  # of a label that the budget did not show
+annotated_share = None  # of L_WSL that annotated labels have, however few; None: all labels alike
 aug_loss = dict(type='JSAugLoss')
 aug_prob = 1.0  # share of scenes with a second view for that loss; smaller: faster
 dice_loss = None  # dict(type='DiceLoss', loss_weight='${dice_weight}') with instances

@@ -1,4 +1,4 @@
-# Sparse VoteNet for street scenes; sizes of the classes come from the revealed boxes at the start of a run.
+# Sparse VoteNet for street scenes; sizes of the classes come from the annotated boxes at the start of a run.
 model = dict(
     type='RM3DVoteNet',
     num_classes=3,
@@ -31,5 +31,5 @@ blocks = 2
 num_seeds = 1024
 num_proposals = 256
 hidden = 128
-class_sizes = [[3.9, 1.6, 1.56], [0.8, 0.6, 1.73], [1.76, 0.6, 1.73]]  # m, where no box of the class is revealed
+class_sizes = [[3.9, 1.6, 1.56], [0.8, 0.6, 1.73], [1.76, 0.6, 1.73]]  # m, where no box of the class is annotated
 unlabelled_weight = 0.1  # how far unknown points count as background; a few per cent of them are objects

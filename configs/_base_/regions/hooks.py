@@ -1,6 +1,6 @@
-# The hooks of every run; `labeler` makes the labels of each round from regions and what the budget reveals (METHOD 1).
+# The hooks of every run; `label_maker` makes the labels of each round from regions and what the budget shows (METHOD 1).
 graph_neighbors = 8
-labeler = dict(
+label_maker = dict(
     store='${work_dir}/labels',
     cache='${cache_dir}',
     source=dict(dataset='${label_dataloader.dataset}', budget='${budget}', seed='${budget_seed}'),
@@ -15,10 +15,10 @@ custom_hooks = [
     dict(
         type='RegionMergeHook',
         interval='${sigma}',
-        rounds='${label_rounds}',
-        first_rounds='${first_rounds}',
+        rounds='${label_refreshes}',
+        warm_up_rounds='${warm_up_rounds}',
         dataloader='${label_dataloader}',
-        labeler='${labeler}',
+        label_maker='${label_maker}',
     ),
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),

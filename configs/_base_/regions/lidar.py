@@ -23,4 +23,4 @@ rules = dict(
     quota=[0.4, 0.45, 0.5, 0.5],
 )
 strategy = dict(rounds='${rounds}', gamma=0.4, centre_distance=[1.2, 0.5, 0.7, None])
-labeler = dict(type='SceneLabeler', source=dict(type='BoxBudgetSource'), rules='${rules}')
+label_maker = dict(type='DetectionLabelMaker', source=dict(type='BoxBudgetSource'), rules='${rules}')

@@ -24,7 +24,7 @@ strategy = dict(
     centre_distance=1.0,
     gamma='${gamma}',
     region_prior=True,
-    prior_looks='kernel',  # a lidar sees all scans from one place, and as many points of each class may be revealed
+    prior_looks='kernel',  # a lidar sees all scans from one place, and as many points of each class may be annotated
     prior_scale=1.0,  # m: small things of a class stand anywhere
-    network_power=1.0,
+    inverse_temperature=1.0,
 )

@@ -2,4 +2,4 @@
 _base_ = './outdoor.py'
 ground_cell = 4.0  # m
 gamma = 0.75
-strategy = dict(prior_looks='neighbors', network_power=2.0)
+strategy = dict(prior_looks='neighbors', inverse_temperature=2.0)

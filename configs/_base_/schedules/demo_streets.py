@@ -1,7 +1,7 @@
 # What --demo changes for streets: embedded synthetic data, a smaller network without augmented views, few small steps. The
 # scenes are so few that all stay in memory. Patches of ground are wide, as points far from the sensor lie metres apart, and
-# revealed labels keep a fifth of the loss, as those that spread are mostly of wide flat things. On level ground the nearest
-# revealed point names each point, however far off where many are revealed; later the network has a say, too.
+# annotated labels keep a fifth of the loss, as those that spread are mostly of wide flat things. On level ground the nearest
+# annotated point names each point, however far off where many are annotated; later the network has a say, too.
 demo = dict(
     data_root='data/${demo_data.scenes}',
     crop_points=24000,
@@ -19,7 +19,7 @@ demo = dict(
     val_rounds=3,
     checkpoint_interval='${sigma}',
     ground_cell=4.0,
-    true_share=0.2,
+    annotated_share=0.2,
     oversegmenter=dict(rest=dict(zeta=0.05)),
     strategy=dict(mixed_regions='nearest', spread_extent=3.0, level_regions=0.95, level_reach='${level_reach}'),
 )

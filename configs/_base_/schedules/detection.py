@@ -13,7 +13,7 @@ demo = dict(
     demo_data=dict(scenes='streets', num_train=100, num_val=40, seed=0),
     rounds=10,
     sigma=4,
-    first_rounds=6,
+    warm_up_rounds=6,
     batch_size=4,
     widths=[16, 32, 48, 64],
     voxel_size=0.15,

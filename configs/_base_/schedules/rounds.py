@@ -1,7 +1,7 @@
 # What every schedule shares: rounds of labels, Adam, and the two ways in which the learning rate may fall.
 rounds = 8
-label_rounds = '${rounds}'  # 1: the first labels stay
-first_rounds = 1  # rounds that the first labels last
+label_refreshes = '${rounds}'  # 1: the first labels stay
+warm_up_rounds = 1  # rounds that the first labels last
 learning_rate = 1e-3
 val_rounds = 2
 

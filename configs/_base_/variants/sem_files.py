@@ -23,8 +23,8 @@ point_columns = [
 train_pipeline = [
     dict(type='ColorJitter'),
     dict(type='ShapeFeatures', cache='${cache_dir}'),
-    dict(type='ScenePlace'),
-    dict(type='LevelGround'),
+    dict(type='SinusoidalPosition'),
+    dict(type='HeightAboveGround'),
     dict(type='ClassCrop', max_points='${crop_points}'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
     dict(type='RandomFlipY', prob=0.5),
@@ -32,8 +32,8 @@ train_pipeline = [
 ]
 eval_pipeline = [
     dict(type='ShapeFeatures', cache='${cache_dir}'),
-    dict(type='ScenePlace'),
-    dict(type='LevelGround'),
+    dict(type='SinusoidalPosition'),
+    dict(type='HeightAboveGround'),
     dict(type='PackScene'),
 ]
 strategy = dict(mixed_regions='nearest')

@@ -12,7 +12,7 @@ point_columns = ['shape', 'clearance']
 # of the test then look strange to the batch normalisation.
 train_pipeline = [
     dict(type='ShapeFeatures', cache='${cache_dir}'),
-    dict(type='LevelGround'),
+    dict(type='HeightAboveGround'),
     dict(type='ClearanceFeatures'),
     dict(type='ClassCrop', max_points='${crop_points}'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
@@ -36,10 +36,10 @@ eval_pipeline = [
         max_gap='${max_gap}',
     ),
     dict(type='ShapeFeatures', cache='${cache_dir}'),
-    dict(type='LevelGround'),
+    dict(type='HeightAboveGround'),
     dict(type='ClearanceFeatures'),
     dict(type='PackScene'),
 ]
 votes = 8
-region_share = 0.5
-prior_power = 0.2
+superpoint_smoothing = 0.5
+logit_adjustment = 0.2

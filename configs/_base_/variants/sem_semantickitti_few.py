@@ -11,13 +11,13 @@ use_intensity = False
 point_columns = ['shape']
 train_sequences = [0]
 val_sequences = [1, 99]
-voxel_thin = 0.1  # m; some scans come on a grid and others as they were measured: thinned, all are alike
+voxel_downsample = 0.1  # m; some scans come on a grid and others as they were measured: thinned, all are alike
 # Few scans, so that others would look strange: crops are thinned, noised and scaled more than elsewhere.
 train_pipeline = [
     dict(type='ShapeFeatures', cache='${cache_dir}'),
-    dict(type='LevelGround'),
+    dict(type='HeightAboveGround'),
     dict(type='ClassCrop', max_points='${crop_points}'),
-    dict(type='RandomThinning', keep=[0.4, 1.0]),
+    dict(type='RandomDownsample', keep=[0.4, 1.0]),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.8, 1.2]),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='PointNoise', jitter=0.02, columns=0.05),  # m; shape columns

@@ -13,13 +13,13 @@ from rm3d_plugin.datasets.transforms.indoor import (
     crop_rows,
     elastic,
 )
-from rm3d_plugin.datasets.transforms.outdoor import ClassCrop, LevelGround, class_center, with_heights
+from rm3d_plugin.datasets.transforms.outdoor import ClassCrop, HeightAboveGround, class_center, with_heights
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
 from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, select_points
-from rm3d_plugin.datasets.transforms.scan_noise import PointNoise, RandomThinning, noisy_points
-from rm3d_plugin.datasets.transforms.scene_place import ScenePlace, place_columns
+from rm3d_plugin.datasets.transforms.scan_noise import PointNoise, RandomDownsample, noisy_points
 from rm3d_plugin.datasets.transforms.shape_features import ShapeFeatures, shape_columns
+from rm3d_plugin.datasets.transforms.sinusoidal_position import SinusoidalPosition, place_columns
 
 __all__ = [
     'AugmentedView',
@@ -32,14 +32,14 @@ __all__ = [
     'ElasticDistortion',
     'GlobalRotScale',
     'LabelledObjectPaste',
-    'LevelGround',
+    'HeightAboveGround',
     'LimitPoints',
     'PackScene',
     'PointNoise',
     'RandomCrop',
     'RandomFlipY',
-    'RandomThinning',
-    'ScenePlace',
+    'RandomDownsample',
+    'SinusoidalPosition',
     'ShapeFeatures',
     'ViewSettings',
     'augmented_view',

@@ -27,8 +27,8 @@ class ClearanceFeatures:
     """Appends ``clearance`` columns (:class:`~rm3d_plugin.models.segmentors.PointInputs`) behind those the points have.
 
     A wire has nothing below it for metres, a trunk has a crown above, a facade fills its column: this holds for scans
-    of any density, and a network that sees few scenes need not find it out itself. Belongs behind ``LevelGround`` and
-    before any crop or turn.
+    of any density, and a network that sees few scenes need not find it out itself. Belongs behind
+    ``HeightAboveGround`` and before any crop or turn.
 
     Args:
         cell: Metres; larger: coarser heights, fewer gaps by chance.

@@ -31,7 +31,7 @@ def with_heights(
 
 
 @TRANSFORMS.register_module()
-class LevelGround:
+class HeightAboveGround:
     """Measure heights from the ground; belongs before any crop, since a whole scene shows its ground best.
 
     What the network is asked for (classes of points) does not depend on where they lie. Shifted points
@@ -53,7 +53,7 @@ class LevelGround:
             ValueError: The scene has boxes, which would no longer fit, or an augmented view was already taken.
         """
         if len(results.get('boxes', ())) or 'aug_points' in results:
-            raise ValueError('LevelGround: expected a scene without boxes, and AugmentedView behind it')
+            raise ValueError('HeightAboveGround: expected a scene without boxes, and AugmentedView behind it')
         xyz = np.ascontiguousarray(results['points'][:, :3])
         heights = self._recent.get_or_make(xyz, lambda: segment_ground(xyz, **self.options).height)
         return results | {'points': with_heights(results['points'], heights)}

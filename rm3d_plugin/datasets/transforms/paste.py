@@ -42,12 +42,12 @@ class Places:
     max_range: float = 65.0
 
 
-def revealed_objects(results: dict[str, Any], min_points: int = 5) -> list[LabelledObject]:
-    """The objects of a scene whose boxes the budget revealed, with at least ``min_points`` points above the ground."""
+def annotated_objects(results: dict[str, Any], min_points: int = 5) -> list[LabelledObject]:
+    """The objects of a scene whose boxes the budget annotated, with at least ``min_points`` points above the ground."""
     boxes, found = results['boxes'], []
     inside = points_in_boxes(results['points'][:, :3], boxes)
     inside[segment_ground(results['points'][:, :3]).is_ground] = -1
-    for row in np.flatnonzero(results['box_is_true']):
+    for row in np.flatnonzero(results['box_is_annotated']):
         points = results['points'][inside == row]
         if len(points) >= min_points:
             found.append(LabelledObject(boxes[row], int(results['box_labels'][row]), points))
@@ -109,13 +109,13 @@ def paste(results: dict[str, Any], item: LabelledObject) -> dict[str, Any]:
         'point_index': np.full(n, -1),
         'semantic': np.full(n, item.label),
         'instance': np.full(n, row),
-        'is_true': np.ones(n, dtype=bool),
+        'is_annotated': np.ones(n, dtype=bool),
         'is_ground': np.zeros(n, dtype=bool),
     }
     out = results | {name: np.concatenate([results[name], new[name]]) for name in POINT_FIELDS if name in results}
     out['boxes'] = np.concatenate([results['boxes'], item.box[None]])
     out['box_labels'] = np.append(results['box_labels'], item.label)
-    out['box_is_true'] = np.append(results['box_is_true'], True)
+    out['box_is_annotated'] = np.append(results['box_is_annotated'], True)
     return out
 
 
@@ -162,13 +162,13 @@ class LabelledObjectPaste:
         return results
 
     def _objects(self, dataset: Any) -> list[list[LabelledObject]]:
-        """Objects by class, read once: what the budget reveals does not change from round to round."""
+        """Objects by class, read once: what the budget shows does not change from round to round."""
         if dataset.labels != 'store':
             raise ValueError(f"LabelledObjectPaste needs a data set with labels='store', got {dataset.labels!r}")
         if self._bank is None:
             found: list[LabelledObject] = []
             for index in _with_objects(dataset):
-                found += revealed_objects(dataset.raw(int(index)), self.min_points)
+                found += annotated_objects(dataset.raw(int(index)), self.min_points)
                 if len(found) >= self.max_bank:
                     break
             by_class = [[item for item in found if item.label == c] for c in range(len(dataset.classes))]

@@ -37,7 +37,7 @@ def noisy_points(
 
 
 @TRANSFORMS.register_module()
-class RandomThinning:
+class RandomDownsample:
     """Keep a random share of the points, drawn for each item.
 
     Args:
@@ -46,7 +46,7 @@ class RandomThinning:
 
     def __init__(self, keep: tuple[float, float] = (0.4, 1.0)) -> None:
         if len(keep) != 2 or not 0 < keep[0] <= keep[1] <= 1:
-            raise ValueError(f'RandomThinning.keep: expected two shares, 0 < least <= greatest <= 1, got {keep}')
+            raise ValueError(f'RandomDownsample.keep: expected two shares, 0 < least <= greatest <= 1, got {keep}')
         self.keep = keep
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:

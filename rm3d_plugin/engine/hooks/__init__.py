@@ -1,9 +1,8 @@
 """One hook a file; each decides when, and calls one thing."""
 
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
-from rm3d_plugin.engine.hooks.report_hook import ReportHook
 from rm3d_plugin.engine.hooks.run_record_hook import RunRecordHook
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import SafeCheckpointHook
 from rm3d_plugin.engine.hooks.seed_hook import EpochSeedHook
 
-__all__ = ['EpochSeedHook', 'RegionMergeHook', 'ReportHook', 'RunRecordHook', 'SafeCheckpointHook']
+__all__ = ['EpochSeedHook', 'RegionMergeHook', 'RunRecordHook', 'SafeCheckpointHook']

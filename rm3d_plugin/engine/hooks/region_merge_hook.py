@@ -10,8 +10,8 @@ from mmengine.hooks import Hook
 from mmengine.runner import Runner
 from tqdm import tqdm
 
-from rm3d_plugin.engine.base_labeler import BaseLabeler, PointPrediction
-from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
+from rm3d_plugin.labeling.label_maker import LabelMaker, PointPrediction
+from rm3d_plugin.labeling.round_times import RoundTimes, Seconds, Stopwatch
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
 from rm3d_plugin.structures import Boxes3D
 
@@ -20,16 +20,16 @@ from rm3d_plugin.structures import Boxes3D
 class RegionMergeHook(Hook):
     """Decides when: before training the first labels are made, then every ``interval`` epochs new ones (METHOD 1).
 
-    How they are made is the labeler's business. The hook works in any mmengine project whose model, in mode
+    How they are made is the label_maker's business. The hook works in any mmengine project whose model, in mode
     ``predict``, returns data samples with ``pred_point_probs`` (n, classes) and optionally ``pred_point_centers``
     (n, 3) and ``point_index`` (n,).
 
     Args:
         interval: sigma, epochs between two refreshes.
         rounds: Sets of labels in the whole run; the first is made without a network.
-        labeler: A labeler (:class:`~rm3d_plugin.engine.base_labeler.BaseLabeler`) or its config.
-        first_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
-            has seen more, which counts where few labels are revealed or epochs are short.
+        label_maker: A label_maker (:class:`~rm3d_plugin.labeling.label_maker.LabelMaker`) or its config.
+        warm_up_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
+            has seen more, which counts where few labels are annotated or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
 
     Attributes:
@@ -42,48 +42,48 @@ class RegionMergeHook(Hook):
     def __init__(
         self,
         interval: int,
-        labeler: dict[str, Any] | BaseLabeler,
+        label_maker: dict[str, Any] | LabelMaker,
         dataloader: Any,
         rounds: int = 8,
-        first_rounds: int = 1,
+        warm_up_rounds: int = 1,
     ) -> None:
-        for name, value in (('interval', interval), ('rounds', rounds), ('first_rounds', first_rounds)):
+        for name, value in (('interval', interval), ('rounds', rounds), ('warm_up_rounds', warm_up_rounds)):
             if int(value) < 1:
                 raise ValueError(f'RegionMergeHook.{name}: expected at least 1, got {value}')
         self.interval = interval
         self.rounds = rounds
-        self.first_rounds = first_rounds
+        self.warm_up_rounds = warm_up_rounds
         self.dataloader = dataloader
         self.seconds = 0.0
         self.times: RoundTimes
         self._predicting = Seconds()
         self._epoch = Stopwatch()
-        self.labeler: BaseLabeler = TASK_UTILS.build(labeler) if isinstance(labeler, dict) else labeler
+        self.label_maker: LabelMaker = TASK_UTILS.build(label_maker) if isinstance(label_maker, dict) else label_maker
 
     def before_train(self, runner: Runner) -> None:
-        """Prepare the geometry, make the first labels, and tell the model the sizes of the revealed boxes."""
+        """Prepare the geometry, make the first labels, and tell the model the sizes of the annotated boxes."""
         watch = Stopwatch()
         self.times = RoundTimes(runner.work_dir, runner.epoch)
         if isinstance(self.dataloader, Mapping) and self.dataloader['sampler']['type'] == 'DefaultSampler':
             self.dataloader['sampler'].setdefault('round_up', False)  # each scene goes to one process
         self.dataloader = runner.build_dataloader(self.dataloader, seed=runner.seed)
         if is_main_process():
-            self.labeler.start(keep=runner.epoch > 0, log=runner.logger.info)
+            self.label_maker.start(keep=runner.epoch > 0, log=runner.logger.info)
         barrier()
-        self.labeler.inform(_unwrapped(runner.model))
+        self.label_maker.inform(_unwrapped(runner.model))
         self._labels_took(0, watch.read(), runner.epoch == 0)
 
     def before_train_epoch(self, runner: Runner) -> None:
         """Refresh the labels when a round begins; point the store at the round of this epoch."""
         number = self._round_of(runner.epoch)
         starts = runner.epoch % self.interval == 0
-        if number and starts and not self.labeler.is_finished(number):
+        if number and starts and not self.label_maker.is_finished(number):
             watch, self._predicting = Stopwatch(), Seconds()
             self._refresh(runner, number)
             self._labels_took(number, watch.read(), True)
             self._tell(number, runner)
         barrier()
-        self.labeler.use(number)
+        self.label_maker.use(number)
         barrier()  # nobody reads labels before the main process has said which
         self._epoch = Stopwatch()
 
@@ -94,12 +94,12 @@ class RegionMergeHook(Hook):
 
     def _round_of(self, epoch: int) -> int:
         """Whose labels an epoch (from 0) is trained on."""
-        return min(max(epoch // self.interval - self.first_rounds + 1, 0), self.rounds - 1)
+        return min(max(epoch // self.interval - self.warm_up_rounds + 1, 0), self.rounds - 1)
 
     def _labels_took(self, number: int, seconds: Seconds, new: bool) -> None:
         self.seconds += seconds.wall
         if new and is_main_process():
-            judging = self.labeler.judging
+            judging = self.label_maker.judging
             self.times.labels(number, seconds.minus(judging), self._predicting, judging)
 
     def _tell(self, number: int, runner: Runner) -> None:
@@ -111,15 +111,15 @@ class RegionMergeHook(Hook):
 
     def _refresh(self, runner: Runner, number: int) -> None:
         if is_main_process():
-            self.labeler.begin(number)
+            self.label_maker.begin(number)
         barrier()
         runner.model.eval()
         _unwrapped(runner.model).predict_points = True
-        self.labeler.refresh_all(number, self._predictions(runner.model, number))
+        self.label_maker.refresh_all(number, self._predictions(runner.model, number))
         _unwrapped(runner.model).predict_points = False
         barrier()
         if is_main_process():
-            self.labeler.finish(number, log=runner.logger.info)
+            self.label_maker.finish(number, log=runner.logger.info)
 
     def _predictions(self, model: Any, number: int) -> Iterator[tuple[str, PointPrediction]]:
         """What the network says of the scenes of this process, one by one."""

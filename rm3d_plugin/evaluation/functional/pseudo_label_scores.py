@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.pseudo_labels.quality import PointCounts, count_points
+from rm3d_plugin.pseudo_labels.common.quality import PointCounts, count_points
 
 
 class OffsetError(NamedTuple):
@@ -27,10 +27,10 @@ class PseudoLabelCounts:
     """Counts of one or several scenes; they add up.
 
     Attributes:
-        points: By range and class, without the revealed points.
-        offsets: Errors of the pseudo instances' centres, without the revealed points.
+        points: By range and class, without the annotated points.
+        offsets: Errors of the pseudo instances' centres, without the annotated points.
         votes: Errors of the centres that the network votes for, over all points of true instances.
-        labelled: Points with any label, revealed ones too.
+        labelled: Points with any label, annotated ones too.
         total: Points.
     """
 
@@ -55,7 +55,7 @@ class PseudoLabelScores:
     """Shares in [0, 1]; NaN where there is nothing to divide by.
 
     Attributes:
-        coverage: Share of all points with a label, revealed ones included.
+        coverage: Share of all points with a label, annotated ones included.
         precision: Share of the pseudo labels that are right.
         class_coverage: (C,) share of a class's hidden points with any pseudo label.
         class_precision: (C,) share of a class's pseudo labels that are right.
@@ -126,7 +126,7 @@ def offset_error(
 def count_pseudo_labels(
     semantic: Int[np.ndarray, ' points'],
     instance: Int[np.ndarray, ' points'],
-    is_true: Bool[np.ndarray, ' points'],
+    is_annotated: Bool[np.ndarray, ' points'],
     truth: Int[np.ndarray, ' points'],
     true_instance: Int[np.ndarray, ' points'] | None,
     num_classes: int,
@@ -140,7 +140,7 @@ def count_pseudo_labels(
     Args:
         semantic: Label of each point, -1 = none.
         instance: Pseudo instance, -1 = none.
-        is_true: The label was revealed by the budget; such points count in the coverage of the whole only.
+        is_annotated: The label was annotated by the budget; such points count in the coverage of the whole only.
         truth: True class, -1 or 255 = not known.
         true_instance: True instance, -1 = none; None: no offset error.
         num_classes: Number of classes.
@@ -153,12 +153,12 @@ def count_pseudo_labels(
         ValueError: Rows differ in number, or a class is out of range.
     """
     truth = np.where(truth == 255, -1, truth) if num_classes <= 255 else truth
-    points = count_points(semantic, truth, num_classes, ranges, ~is_true, range_edges)
+    points = count_points(semantic, truth, num_classes, ranges, ~is_annotated, range_edges)
     offsets = votes = OffsetError(np.zeros(num_classes), np.zeros(num_classes, dtype=np.int64))
     if true_instance is not None and xyz is not None:
         goal = instance_centres(xyz, truth, true_instance)
         pseudo = instance_centres(xyz, semantic, instance)
-        pseudo[is_true] = np.nan
+        pseudo[is_annotated] = np.nan
         offsets = offset_error(pseudo, goal, truth, num_classes)
         if voted_centres is not None:
             votes = offset_error(voted_centres, goal, truth, num_classes)

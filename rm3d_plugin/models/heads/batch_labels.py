@@ -16,7 +16,7 @@ class BatchLabels(NamedTuple):
     Attributes:
         boxes: (M, 7) boxes of all scenes.
         classes: (M,) their classes.
-        is_true: (M,) True for a revealed box, False for a pseudo box.
+        is_annotated: (M,) True for an annotated box, False for a pseudo box.
         box_offsets: (B + 1,) rows of the scenes among the boxes.
         semantic: (N,) class of each point; the number of box classes = background, -1 = unknown.
         instance: (N,) row of ``boxes`` that holds the point, -1 = none or unknown.
@@ -24,7 +24,7 @@ class BatchLabels(NamedTuple):
 
     boxes: Float[Tensor, 'boxes 7']
     classes: Int[Tensor, ' boxes']
-    is_true: Bool[Tensor, ' boxes']
+    is_annotated: Bool[Tensor, ' boxes']
     box_offsets: Int[Tensor, ' scenes_and_one']
     semantic: Int[Tensor, ' points']
     instance: Int[Tensor, ' points']
@@ -66,6 +66,6 @@ def join_labels(samples: Sequence[Any], batch_offsets: Int[Tensor, ' scenes_and_
         instance = torch.where(instance >= 0, instance + first, -1)
         parts.append((boxes, classes, _field(sample, 'gt_is_true', len(boxes), 1, flag), semantic, instance))
         first += len(boxes)
-    boxes, classes, is_true, semantic, instance = (torch.cat(column) for column in zip(*parts, strict=True))
+    boxes, classes, is_annotated, semantic, instance = (torch.cat(column) for column in zip(*parts, strict=True))
     counts = torch.tensor([0] + [len(part[0]) for part in parts], device=device)
-    return BatchLabels(boxes, classes, is_true, counts.cumsum(0), semantic, instance)
+    return BatchLabels(boxes, classes, is_annotated, counts.cumsum(0), semantic, instance)

@@ -17,13 +17,13 @@ class PointLabels(NamedTuple):
         semantic: (N,) class of each point, -1 = unlabelled.
         instance: (N,) instance of each point, numbered through the batch; -1 = none or unknown.
         instance_scene: (I,) scene of each instance, ascending.
-        is_true: (N,) True where the budget revealed the class.
+        is_annotated: (N,) True where the budget annotated the class.
     """
 
     semantic: Int[Tensor, ' points']
     instance: Int[Tensor, ' points']
     instance_scene: Int[Tensor, ' instances']
-    is_true: Bool[Tensor, ' points']
+    is_annotated: Bool[Tensor, ' points']
 
 
 def _mask(sample: Any, name: str, rows: int, fill: int, device: torch.device) -> Tensor:
@@ -42,14 +42,14 @@ def join_point_labels(
 ) -> PointLabels:
     """Join the labels of the samples of a batch.
 
-    Points without a mask are unlabelled; labelled points without ``pts_is_true`` count as revealed. Instance numbers of
-    a scene may have gaps.
+    Points without a mask are unlabelled; labelled points without ``pts_is_annotated`` count as annotated. Instance
+    numbers of a scene may have gaps.
 
     Raises:
         SceneError: A mask has another number of rows than the scene has points, or names a class that is not there.
     """
     device = batch_offsets.device
-    semantic, instance, is_true, scenes = [], [], [], []
+    semantic, instance, is_annotated, scenes = [], [], [], []
     count = 0
     for scene, (sample, rows) in enumerate(zip(samples, batch_offsets.diff().tolist(), strict=True)):
         classes = _mask(sample, 'pts_semantic_mask', rows, -1, device)
@@ -65,6 +65,6 @@ def join_point_labels(
         count += len(numbers)
         semantic.append(classes.clamp_min(-1))
         instance.append(joined)
-        is_true.append((_mask(sample, 'pts_is_true', rows, 1, device) > 0) & (classes >= 0))
+        is_annotated.append((_mask(sample, 'pts_is_annotated', rows, 1, device) > 0) & (classes >= 0))
         scenes.append(torch.full((len(numbers),), scene, device=device))
-    return PointLabels(torch.cat(semantic), torch.cat(instance), torch.cat(scenes), torch.cat(is_true))
+    return PointLabels(torch.cat(semantic), torch.cat(instance), torch.cat(scenes), torch.cat(is_annotated))

@@ -19,7 +19,7 @@ def frequency_weights(counts: Float[Tensor, ' classes'], power: float) -> Float[
     """Class weights count^-power, scaled so that their mean over the counted labels is 1; 1 for a class without any.
 
     Args:
-        counts: Revealed labels of each class.
+        counts: Annotated labels of each class.
         power: 0 weighs labels alike, 0.5 is the inverse square root, 1 gives every class the same total.
 
     >>> frequency_weights(torch.tensor([1.0, 4.0, 0.0]), 0.5).tolist()
@@ -40,14 +40,14 @@ class SemanticHead(nn.Module):
         in_channels: Columns of the features.
         num_classes: C.
         loss: L_WSL, called as ``PointCrossEntropyLoss`` is.
-        balance: Rare classes count more: 'none'; 'frequency': by the revealed labels of the whole training set (see
+        balance: Rare classes count more: 'none'; 'frequency': by the annotated labels of the whole training set (see
             :meth:`set_class_counts`); 'batch': by the labels of each batch.
         power: How much more: weight of a class = count^-power. 0.5: inverse square root; larger: rarer classes gain.
-        pseudo_weight: Weight of a label that the budget did not reveal, against 1 of a revealed one; smaller: trusts
+        pseudo_weight: Weight of a label that the budget did not show, against 1 of an annotated one; smaller: trusts
             pseudo labels less.
-        true_share: In (0, 1): share of L_WSL that the mean over revealed labels has, however few they are; that over
-            pseudo labels has the rest. Larger: trusts pseudo labels less. None: all labels are averaged together.
-        class_counts: Revealed labels of each class, where they are known beforehand.
+        annotated_share: In (0, 1): share of L_WSL that the mean over annotated labels has, however few they are; that
+            over pseudo labels has the rest. Larger: trusts pseudo labels less. None: all labels are averaged together.
+        class_counts: Annotated labels of each class, where they are known beforehand.
     """
 
     class_counts: Tensor
@@ -60,7 +60,7 @@ class SemanticHead(nn.Module):
         balance: Balance = 'none',
         power: float = 0.5,
         pseudo_weight: float = 1.0,
-        true_share: float | None = None,
+        annotated_share: float | None = None,
         class_counts: Sequence[int] | None = None,
     ) -> None:
         super().__init__()
@@ -68,9 +68,11 @@ class SemanticHead(nn.Module):
             raise ValueError(f'SemanticHead.balance: expected one of {get_args(Balance)}, got {balance!r}')
         if pseudo_weight < 0:
             raise ValueError(f'SemanticHead.pseudo_weight: expected 0 or more, got {pseudo_weight}')
-        if true_share is not None and not 0 < true_share < 1:
-            raise ValueError(f'SemanticHead.true_share: expected a share between 0 and 1, or None, got {true_share}')
-        self.true_share = true_share
+        if annotated_share is not None and not 0 < annotated_share < 1:
+            raise ValueError(
+                f'SemanticHead.annotated_share: expected a share between 0 and 1, or None, got {annotated_share}'
+            )
+        self.annotated_share = annotated_share
         self.num_classes, self.balance, self.power, self.pseudo_weight = num_classes, balance, power, pseudo_weight
         self.linear = nn.Linear(in_channels, num_classes)
         self.loss_part = MODELS.build({'type': 'PointCrossEntropyLoss', **(loss or {})})
@@ -79,7 +81,7 @@ class SemanticHead(nn.Module):
             self.set_class_counts(torch.tensor(list(class_counts)))
 
     def set_class_counts(self, counts: Num[Tensor, ' classes']) -> None:
-        """Tell how many labels of each class are revealed, for ``balance='frequency'``; kept in checkpoints.
+        """Tell how many labels of each class are annotated, for ``balance='frequency'``; kept in checkpoints.
 
         Raises:
             ValueError: There is not one count a class.
@@ -95,13 +97,13 @@ class SemanticHead(nn.Module):
 
     def loss(self, logits: Float[Tensor, 'points classes'], labels: PointLabels) -> dict[str, Tensor]:
         """``loss_wsl``; 0, with a gradient of 0, where no point is labelled."""
-        if self.true_share is None:
-            weights = None if self.pseudo_weight == 1 else torch.where(labels.is_true, 1.0, self.pseudo_weight)
+        if self.annotated_share is None:
+            weights = None if self.pseudo_weight == 1 else torch.where(labels.is_annotated, 1.0, self.pseudo_weight)
             return {'loss_wsl': self._mean(logits, labels.semantic, weights)}
-        pseudo = ~labels.is_true & (labels.semantic >= 0)
+        pseudo = ~labels.is_annotated & (labels.semantic >= 0)
         parts = [
             (share, part)
-            for share, part in ((self.true_share, labels.is_true), (1 - self.true_share, pseudo))
+            for share, part in ((self.annotated_share, labels.is_annotated), (1 - self.annotated_share, pseudo))
             if part.any()
         ]
         if not parts:

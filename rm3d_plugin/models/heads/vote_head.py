@@ -137,7 +137,7 @@ class VoteHead(nn.Module):
 
     @torch.no_grad()
     def set_mean_sizes(self, sizes: Float[Tensor, 'classes 3']) -> None:
-        """Set the size templates (metres), say to the means of the revealed boxes; they are kept in the checkpoint.
+        """Set the size templates (metres), say to the means of the annotated boxes; they are kept in the checkpoint.
 
         Raises:
             ValueError: The shape does not fit, or a size is not positive.

@@ -20,8 +20,8 @@ class PointInputs:
 
     Attributes:
         columns: What the scans have behind x, y, z, in the order of the points: intensity, rgb, shape, clearance and
-            place (as the transforms ``ShapeFeatures``, ``ClearanceFeatures`` and ``ScenePlace`` append them), all in
-            [0, 1].
+            place (as the transforms ``ShapeFeatures``, ``ClearanceFeatures`` and ``SinusoidalPosition`` append them),
+            all in [0, 1].
         use: Those of ``columns`` that the network sees; None: all. Leaving out colour makes a network that colour
             cannot mislead.
         height: Whether it sees the height above the scene's floor.

@@ -116,7 +116,7 @@ class RM3DSegmentor(BaseModel):
         self.aug_loss, self.dice_loss = _build(aug_loss), _build(dice_loss)
 
     def set_class_counts(self, counts: Num[Tensor, ' classes']) -> None:
-        """Tell how many labels of each class the budget reveals; used by ``balance='frequency'``."""
+        """Tell how many labels of each class the budget shows; used by ``balance='frequency'``."""
         self.semantic_head.set_class_counts(counts)
 
     def forward(
@@ -208,15 +208,15 @@ class RM3DSegmentor(BaseModel):
 
     def _settled(self, probs: Tensor, sample: SceneSample) -> Tensor:
         """What regions and how often classes are have to say to the network's probabilities."""
-        if self.inference.region_share:
+        if self.inference.superpoint_smoothing:
             if 'pts_region' not in sample:
                 raise SceneError(
-                    f'scene {sample.get("scene_id", "")}: inference.region_share wants pts_region of each point; '
-                    'put RegionNumbers into the pipeline, or set region_share=0'
+                    f'scene {sample.get("scene_id", "")}: inference.superpoint_smoothing wants pts_region of each '
+                    'point; put RegionNumbers into the pipeline, or set superpoint_smoothing=0'
                 )
-            probs = mix_regions(probs, sample.pts_region.cpu(), self.inference.region_share)
-        if self.inference.prior_power:
-            probs = by_class_frequency(probs, self.semantic_head.class_counts.cpu(), self.inference.prior_power)
+            probs = mix_regions(probs, sample.pts_region.cpu(), self.inference.superpoint_smoothing)
+        if self.inference.logit_adjustment:
+            probs = by_class_frequency(probs, self.semantic_head.class_counts.cpu(), self.inference.logit_adjustment)
         return probs
 
     @staticmethod

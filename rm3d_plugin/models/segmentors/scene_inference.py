@@ -30,9 +30,9 @@ class SceneInference:
             which a network that is trained on turned rooms hardly ever saw; it reads a turned room better.
         stitch_iou: Instances of one class in two chunks are one where they overlap at least so much, among the points
             that both chunks have.
-        region_share: In [0, 1]: how much of a point's probabilities is the mean over its region (transform
+        superpoint_smoothing: In [0, 1]: how much of a point's probabilities is the mean over its region (transform
             ``RegionNumbers``); the rest is its own. Larger: things have one class, regions that mix two things as well.
-        prior_power: Probabilities are multiplied by (revealed labels of the class) ^ this, since crops and class
+        logit_adjustment: Probabilities are multiplied by (annotated labels of the class) ^ this, since crops and class
             weights show rare classes more often than they are. Larger: they are said more rarely; 0: as trained.
     """
 
@@ -43,8 +43,8 @@ class SceneInference:
     flip: Flip = 'none'
     first_angle: float = 0.0
     stitch_iou: float = 0.5
-    region_share: float = 0.0
-    prior_power: float = 0.0
+    superpoint_smoothing: float = 0.0
+    logit_adjustment: float = 0.0
 
     def __post_init__(self) -> None:
         if self.flip not in get_args(Flip):
@@ -61,10 +61,12 @@ class SceneInference:
             raise ValueError(f'inference.chunk_size: expected metres > 0, got {self.chunk_size}')
         if not 0 <= self.margin < np.inf or not 0 < self.stitch_iou <= 1:
             raise ValueError(f'inference: expected margin >= 0 and 0 < stitch_iou <= 1, got {self}')
-        if not 0 <= self.region_share <= 1:
-            raise ValueError(f'inference.region_share: expected a share from 0 to 1, got {self.region_share}')
-        if not 0 <= self.prior_power < np.inf:
-            raise ValueError(f'inference.prior_power: expected a number from 0, got {self.prior_power}')
+        if not 0 <= self.superpoint_smoothing <= 1:
+            raise ValueError(
+                f'inference.superpoint_smoothing: expected a share from 0 to 1, got {self.superpoint_smoothing}'
+            )
+        if not 0 <= self.logit_adjustment < np.inf:
+            raise ValueError(f'inference.logit_adjustment: expected a number from 0, got {self.logit_adjustment}')
 
     @property
     def views(self) -> Float[np.ndarray, 'views 3 3']:

@@ -4,9 +4,9 @@ from rm3d_plugin.models.heads.batch_labels import BatchLabels
 from rm3d_plugin.models.heads.scene_class_head import SceneClassHead, max_by_owner
 
 
-def batch(is_true=(True, True, False)):
+def batch(is_annotated=(True, True, False)):
     return BatchLabels(
-        torch.ones(3, 7), torch.tensor([0, 1, 1]), torch.tensor(is_true), torch.tensor([0, 2, 3]),
+        torch.ones(3, 7), torch.tensor([0, 1, 1]), torch.tensor(is_annotated), torch.tensor([0, 2, 3]),
         torch.tensor([0, 0, 1, -1, 1]), torch.tensor([0, 0, 1, -1, 2]),
     )  # fmt: skip
 

@@ -6,20 +6,20 @@ from rm3d_plugin.models.heads.semantic_head import frequency_weights
 from rm3d_plugin.structures import SceneError, SceneSample
 
 
-def sample(semantic=None, instance=None, is_true=None):
+def sample(semantic=None, instance=None, is_annotated=None):
     out = SceneSample(metainfo={'scene_id': 's'})
     for name, value in (
         ('pts_semantic_mask', semantic),
         ('pts_instance_mask', instance),
-        ('pts_is_true', is_true),
+        ('pts_is_annotated', is_annotated),
     ):
         if value is not None:
             out.set_data({name: torch.tensor(value)})
     return out
 
 
-def labels_of(semantic, is_true=None, classes=3):
-    return join_point_labels([sample(semantic, None, is_true)], torch.tensor([0, len(semantic)]), classes)
+def labels_of(semantic, is_annotated=None, classes=3):
+    return join_point_labels([sample(semantic, None, is_annotated)], torch.tensor([0, len(semantic)]), classes)
 
 
 def test_join_point_labels_numbers_instances_through_the_batch():
@@ -28,7 +28,7 @@ def test_join_point_labels_numbers_instances_through_the_batch():
     assert got.semantic.tolist() == [0, 1, 1, -1, -1, -1, 2]
     assert got.instance.tolist() == [-1, 1, 0, 0, -1, -1, 2]
     assert got.instance_scene.tolist() == [0, 0, 2]
-    assert got.is_true.tolist() == [True, False, True, False, False, False, True]
+    assert got.is_annotated.tolist() == [True, False, True, False, False, False, True]
 
 
 def test_join_point_labels_tells_what_does_not_fit():
@@ -67,17 +67,17 @@ def test_pseudo_labels_may_count_less():
     assert got == pytest.approx((0.6931472 + 0.5 * 1.3862944) / 1.5)
 
 
-def test_revealed_labels_have_their_share_however_few_they_are():
+def test_annotated_labels_have_their_share_however_few_they_are():
     logits = torch.log(torch.tensor([[0.5, 0.5], [0.25, 0.75], [0.25, 0.75], [0.125, 0.875], [0.9, 0.1]]))
     log2 = 0.6931472
-    head = SemanticHead(4, 2, true_share=0.6)
+    head = SemanticHead(4, 2, annotated_share=0.6)
     mixed = head.loss(logits, labels_of([0, 0, 0, 0, -1], [True, False, False, False, False], 2))['loss_wsl'].item()
     assert mixed == pytest.approx(0.6 * log2 + 0.4 * (2 + 2 + 3) / 3 * log2)
     true = head.loss(logits, labels_of([0, 0, -1, -1, -1], [True] * 5, 2))['loss_wsl'].item()
     assert true == pytest.approx(1.5 * log2)
     pseudo = head.loss(logits, labels_of([-1, 0, -1, 0, -1], [False] * 5, 2))['loss_wsl'].item()
     assert pseudo == pytest.approx(2.5 * log2)
-    balanced = SemanticHead(4, 2, true_share=0.5, balance='batch', power=1.0)
+    balanced = SemanticHead(4, 2, annotated_share=0.5, balance='batch', power=1.0)
     labels = labels_of([0, 0, 0, 1, -1], [True, False, False, False, False], 2)  # classes count alike within each part
     wanted = 0.5 * log2 + 0.5 * (2 * log2 - torch.log(torch.tensor(0.875)).item()) / 2
     assert balanced.loss(logits, labels)['loss_wsl'].item() == pytest.approx(wanted)
@@ -86,7 +86,7 @@ def test_revealed_labels_have_their_share_however_few_they_are():
 @pytest.mark.parametrize('share', [None, 0.5])
 @pytest.mark.parametrize('balance', ['none', 'frequency', 'batch'])
 def test_no_labelled_point_is_a_zero_loss_with_gradients(balance, share):
-    head = SemanticHead(4, 3, balance=balance, true_share=share)
+    head = SemanticHead(4, 3, balance=balance, annotated_share=share)
     loss = head.loss(head(torch.ones(5, 4)), labels_of([-1] * 5))['loss_wsl']
     loss.backward()
     assert loss.item() == 0.0
@@ -112,5 +112,5 @@ def test_class_counts_are_kept_in_the_state():
 def test_bad_choices_are_told():
     with pytest.raises(ValueError, match='pseudo_weight'):
         SemanticHead(4, 3, pseudo_weight=-1.0)
-    with pytest.raises(ValueError, match='true_share: expected a share'):
-        SemanticHead(4, 3, true_share=1.0)
+    with pytest.raises(ValueError, match='annotated_share: expected a share'):
+        SemanticHead(4, 3, annotated_share=1.0)

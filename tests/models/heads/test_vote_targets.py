@@ -91,7 +91,7 @@ def test_join_labels_shifts_instances_and_fills_what_is_absent():
     got = join_labels([first, second, SceneSample()], torch.tensor([0, 1, 3, 4]))
     assert got.instance.tolist() == [-1, 2, -1, -1]
     assert got.semantic.tolist() == [-1, 1, -1, -1]
-    assert got.is_true.tolist() == [True, True, False]
+    assert got.is_annotated.tolist() == [True, True, False]
     assert got.box_offsets.tolist() == [0, 2, 3, 3]
 
 

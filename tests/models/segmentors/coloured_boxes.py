@@ -33,7 +33,7 @@ def make_room(seed, boxes=4, points=250, floor=700, view=False):
     sample = SceneSample(metainfo={'scene_id': f'room_{seed}', 'num_points': len(cloud)})
     sample.pts_semantic_mask = torch.from_numpy(semantic)
     sample.pts_instance_mask = torch.tensor(instance)
-    sample.pts_is_true = torch.ones(len(cloud), dtype=torch.bool)
+    sample.pts_is_annotated = torch.ones(len(cloud), dtype=torch.bool)
     inputs = {'points': cloud}
     if view:
         rows = torch.from_numpy(np.sort(rng.permutation(len(cloud))[: len(cloud) // 2]))

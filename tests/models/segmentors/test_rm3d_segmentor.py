@@ -92,7 +92,7 @@ def test_a_batch_without_labels_is_a_zero_loss_with_gradients(balance):
 
 
 def test_what_is_hidden_changes_nothing():
-    """Labels that the budget does not reveal, however noisy, leave loss and gradients the same bits."""
+    """Labels that the budget does not show, however noisy, leave loss and gradients the same bits."""
     generator = torch.Generator().manual_seed(0)
     kept = torch.rand(1700, generator=generator) < 0.02
 
@@ -133,7 +133,7 @@ def test_a_scene_of_one_voxel_with_a_view_of_two_has_gradients():
     item['inputs']['points'][:, :3] = 0.05
     item['inputs']['aug_points'] = item['inputs']['points'] + torch.tensor([[0.0] * 6, [5.0] * 3 + [0.0] * 3])
     item['inputs']['aug_index'] = torch.arange(2)
-    for name in ('pts_semantic_mask', 'pts_instance_mask', 'pts_is_true'):
+    for name in ('pts_semantic_mask', 'pts_instance_mask', 'pts_is_annotated'):
         item['data_samples'].set_data({name: item['data_samples'].get(name)[:2]})
     _, grads = gradients(build(), [item])
     assert all(torch.isfinite(grad).all() for grad in grads.values() if grad is not None)

@@ -150,8 +150,8 @@ def test_points_are_drawn_towards_the_mean_of_their_region():
 
 
 def test_regions_speak_at_test_time_and_not_for_pseudo_labels():
-    model, plain, item = build(inference=dict(region_share=1.0)), build(), make_room(0)
-    with pytest.raises(SceneError, match='room_0: inference.region_share wants pts_region'):
+    model, plain, item = build(inference=dict(superpoint_smoothing=1.0)), build(), make_room(0)
+    with pytest.raises(SceneError, match='room_0: inference.superpoint_smoothing wants pts_region'):
         predict(model, item)
     regions = torch.arange(len(item['inputs']['points'])) // 100
     item['data_samples'].pts_region = regions
@@ -162,7 +162,7 @@ def test_regions_speak_at_test_time_and_not_for_pseudo_labels():
 
 
 def test_rare_classes_are_said_more_rarely_by_a_prior():
-    model, plain, item = build(inference=dict(prior_power=0.3)), build(), make_room(0)
+    model, plain, item = build(inference=dict(logit_adjustment=0.3)), build(), make_room(0)
     own = predict(plain, item)[0].pred_point_probs
     torch.testing.assert_close(predict(model, item)[0].pred_point_probs, own)  # nobody told any counts
     model.set_class_counts(torch.tensor([1000, 10, 0]))
@@ -181,8 +181,8 @@ def test_rare_classes_are_said_more_rarely_by_a_prior():
         (dict(max_points=0), 'max_points: expected a whole number'),
         (dict(chunk_size=0.0), 'chunk_size: expected metres > 0'),
         (dict(margin=-1.0), 'margin >= 0'),
-        (dict(prior_power=-1.0), 'prior_power: expected a number from 0, got -1.0'),
-        (dict(region_share=1.5), 'region_share: expected a share from 0 to 1, got 1.5'),
+        (dict(logit_adjustment=-1.0), 'logit_adjustment: expected a number from 0, got -1.0'),
+        (dict(superpoint_smoothing=1.5), 'superpoint_smoothing: expected a share from 0 to 1, got 1.5'),
         (dict(first_angle=float('nan')), 'first_angle: expected degrees, got nan'),
     ],
 )

@@ -1,0 +1,1 @@
+"""Tables of the documentation: what they train or measure, and how they are printed."""

@@ -1,0 +1,195 @@
+"""A scan in, its regions out: what tools/oversegment.py does."""
+
+import csv
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int
+from mmengine.registry import Registry
+
+import rm3d_plugin.descriptors
+import rm3d_plugin.oversegmentation  # noqa: F401  (both register their parts)
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.label_budgets import BudgetError, read_clicks
+from rm3d_plugin.label_budgets.clicks import resolve_clicks
+from rm3d_plugin.oversegmentation.tuning import Tuning, tune_region_growing
+from rm3d_plugin.regions.prepare import scatter, with_normals
+from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
+from rm3d_plugin.storage import read_json, write_npz
+from rm3d_plugin.storage.ply import write_ply
+from rm3d_plugin.storage.scans import read_cloud
+from rm3d_plugin.structures import Descriptors, PointCloud, Regions
+from rm3d_plugin.visualization.palette import region_colors
+from rm3d_plugin.visualization.regions_page import write_regions_page
+
+ENDINGS = ('.ply', '.npz', '.html')
+POINTS_PER_REGION = 150  # where nobody says how many regions tuning shall aim at
+
+
+def build_part(registry: Registry, name: str, preset: str | None, options: Mapping[str, Any]) -> Any:
+    """Build a registered part by its type name.
+
+    Args:
+        registry: Where the name is looked up.
+        name: Type name.
+        preset: Start from the numbers of this preset, where the part has any.
+        options: Arguments; they win over the preset's.
+
+    Raises:
+        ConfigError: No such part or preset, or an argument that it does not take.
+    """
+    kinds = registry.module_dict
+    if name not in kinds:
+        raise ConfigError(f'{registry.name}: expected one of {sorted(kinds)}, got {name!r}')
+    arguments: dict[str, Any] = {}
+    numbers = presets_of(kinds[name])
+    if preset is not None and numbers:
+        if preset not in numbers:
+            raise ConfigError(f'{name}: preset: expected one of {sorted(numbers)}, got {preset!r}')
+        arguments |= numbers[preset]
+    try:
+        return kinds[name](**arguments | dict(options))
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f'{name}: {error}') from error
+
+
+def presets_of(kind: type) -> Mapping[str, Mapping[str, Any]]:
+    """The presets of a part: its own ``presets``, or those beside it in its file; empty where it has none."""
+    presets: Mapping[str, Mapping[str, Any]] = getattr(kind, 'presets', {})
+    return presets or (vars(sys.modules[kind.__module__]).get('PRESETS', {}) if hasattr(kind, 'preset') else {})
+
+
+def oversegment_file(
+    scan: str | Path,
+    out: str | Path,
+    descriptor: str = 'AdaptedPFH',
+    oversegmenter: str = 'RegionGrowing',
+    preset: str | None = None,
+    descriptor_options: Mapping[str, Any] | None = None,
+    oversegmenter_options: Mapping[str, Any] | None = None,
+    columns: str | None = None,
+    tune: str | Path | None = None,
+    target_regions: int | None = None,
+    log: Callable[[str], None] = print,
+) -> Regions:
+    """Read a scan, describe and partition it, and write the regions.
+
+    Args:
+        scan: See :func:`rm3d_plugin.storage.scans.read_cloud`.
+        out: ``.ply`` (points in their own coordinates, coloured by region, with a column ``region``), ``.npz``
+            (``xyz``, ``origin``, ``labels``) or ``.html`` (3D view).
+        descriptor: Type name in ``DESCRIPTORS``.
+        oversegmenter: Type name in ``OVERSEGMENTERS``.
+        preset: ``'indoor'`` or ``'lidar'`` for the parts that have presets; None: their defaults.
+        descriptor_options: Arguments of the descriptor.
+        oversegmenter_options: Arguments of the over-segmenter.
+        columns: What the scan's columns hold, see :func:`rm3d_plugin.storage.scans.read_cloud`.
+        tune: File of some labelled points of this scan, see :func:`read_annotated_labels`: theta and zeta of region
+            growing are chosen by them (:func:`rm3d_plugin.oversegmentation.tune_region_growing`).
+        target_regions: Regions that tuning aims at; None: one for 150 points above the ground.
+        log: Told what tuning found.
+
+    Raises:
+        SceneError: The scan cannot be used.
+        BudgetError: The file of labels cannot be used.
+        ConfigError: A part, argument or ending is not known, or needs a package that is not installed.
+    """
+    out = Path(out)
+    if out.suffix.lower() not in ENDINGS:
+        raise ConfigError(f'{out}: unknown ending {out.suffix!r}; expected one of {" ".join(ENDINGS)}')
+    describer = build_part(DESCRIPTORS, descriptor, preset, descriptor_options or {})
+    segmenter = build_part(OVERSEGMENTERS, oversegmenter, preset, oversegmenter_options or {})
+    if tune is not None and oversegmenter != 'RegionGrowing':
+        raise ConfigError(
+            f'tune: chooses theta and zeta of RegionGrowing, got {oversegmenter!r}; leave one of them out'
+        )
+    cloud = read_cloud(scan, columns)
+    kept = np.flatnonzero(~segmenter.find_ground(cloud))
+    rest = with_normals(cloud.select(kept))
+    try:
+        described = describer.compute(rest)
+        if tune is not None:
+            options = {**(presets_of(type(segmenter)).get(preset or '', {})), **(oversegmenter_options or {})}
+            known = read_annotated_labels(tune, cloud, Path(scan).stem)[kept]
+            found = _tune(rest, described, known, options, target_regions)
+            log(f'{Path(tune).name}: {_report(found)}')
+            segmenter = build_part(OVERSEGMENTERS, oversegmenter, None, {**options, **found.options})
+        labels = np.asarray(segmenter.partition(rest, described), dtype=np.int64)
+        regions = Regions(scatter(labels, kept, len(cloud), fill=-1))
+        write_regions(out, cloud, regions, Path(scan).name)
+    except ImportError as error:
+        raise ConfigError(str(error)) from error
+    return regions
+
+
+def read_annotated_labels(path: str | Path, cloud: PointCloud, scene: str) -> Int[np.ndarray, ' points']:
+    """Class of the labelled points of one scan, -1 elsewhere.
+
+    Args:
+        path: CSV or JSON as :func:`rm3d_plugin.label_budgets.read_clicks` reads it, ``scene,x,y,z,class`` say; classes
+            are any names or numbers.
+        cloud: The scan.
+        scene: Its name in the file.
+
+    Raises:
+        BudgetError: The file cannot be used, or labels no point of this scan.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise BudgetError(f'{path}: no such file of labels')
+    if path.suffix.lower() == '.json':
+        rows = [row for row in read_json(path) if isinstance(row, dict)]
+    else:
+        with path.open(encoding='utf-8-sig', newline='') as stream:
+            rows = list(csv.DictReader(stream, skipinitialspace=True))
+    cells = [{str(name).strip().lower(): value for name, value in row.items()}.get('class') for row in rows]
+    classes = sorted({str(cell).strip() for cell in cells if cell is not None})
+    clicks = [click for click in read_clicks(path, classes) if click.scene == scene]
+    if not clicks:
+        raise BudgetError(f'{path}: labels no point of scene {scene!r}; the column scene names the scan without ending')
+    annotated = resolve_clicks(clicks, cloud)
+    labels = np.full(len(cloud), -1, dtype=np.int64)
+    labels[annotated.points] = annotated.semantic
+    return labels
+
+
+def _tune(
+    cloud: PointCloud,
+    described: Descriptors,
+    labels: Int[np.ndarray, ' points'],
+    options: Mapping[str, Any],
+    target: int | None,
+) -> Tuning:
+    """Tune region growing on one scan whose ground is off."""
+    wanted = max(1, round(len(cloud) / POINTS_PER_REGION)) if target is None else target
+    try:
+        return tune_region_growing([cloud], [described], [labels], wanted, {**options, 'ground': None})
+    except ValueError as error:
+        raise ConfigError(f'tune: {error}') from error
+
+
+def _report(tuning: Tuning) -> str:
+    options = ', '.join(f'{name} {value:.3g}' for name, value in tuning.options.items())
+    score = tuning.score
+    return (
+        f'{options}: {score.conflicts} of {score.labelled} labelled points in conflict, {score.regions} regions '
+        f'(aimed at {tuning.target})'
+    )
+
+
+def write_regions(out: Path, cloud: PointCloud, regions: Regions, name: str) -> Path:
+    """Write a partition as its ending says, see :func:`oversegment_file`."""
+    if out.suffix.lower() == '.npz':
+        arrays = {'xyz': cloud.xyz, 'origin': np.asarray(cloud.origin), 'labels': regions.labels}
+        return write_npz(out, arrays)
+    if out.suffix.lower() == '.html':
+        return write_regions_page(out, cloud.xyz, regions.labels, f'{name}: {len(regions)} regions')
+    world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
+    xyz = world if np.any(cloud.origin) else cloud.xyz
+    colors = np.round(region_colors(regions.labels) * 255).astype(np.uint8)
+    columns = {name: xyz[:, i] for i, name in enumerate('xyz')}
+    columns |= {name: colors[:, i] for i, name in enumerate(('red', 'green', 'blue'))}
+    return write_ply(out, columns | {'region': regions.labels.astype(np.int32)})

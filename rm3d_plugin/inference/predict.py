@@ -1,0 +1,79 @@
+"""Predictions for scans that nobody labelled: boxes from a detector, classes of points from a segmentor."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.inference.predict_boxes import Detector, predict_boxes
+from rm3d_plugin.inference.predict_formats import output_name
+from rm3d_plugin.inference.predict_points import PointOptions, Segmenter, predict_points
+from rm3d_plugin.inference.trained import load_network
+from rm3d_plugin.models.segmentors import RM3DSegmentor
+from rm3d_plugin.storage.columns import ENDINGS
+
+BOX_ENDINGS = ('.bin',)
+
+
+def predict_files(
+    checkpoint: str | Path,
+    scans: Sequence[Path],
+    out: Path,
+    min_score: float | None = None,
+    device: str = 'cpu',
+    options: PointOptions | None = None,
+) -> Iterator[Path]:
+    """Predict each scan with whatever network the checkpoint holds.
+
+    Args:
+        checkpoint: Of a training run.
+        scans: Files, or folders of them: ``.bin`` for a detector, every kind that
+            :func:`rm3d_plugin.storage.scans.read_scan` reads for a segmentor.
+        out: Folder for what is written.
+        min_score: Boxes and instances that score lower are left out; None: 0.1 for boxes, 0 for instances.
+        device: cpu, cuda, cuda:1 ...
+        options: Of a segmentor.
+
+    Yields:
+        Each file when it is written.
+
+    Raises:
+        SceneError, ConfigError: A scan, the checkpoint or an option cannot be used; files already written stay.
+    """
+    network = load_network(checkpoint, device)
+    if isinstance(network.model, RM3DSegmentor):
+        options = options or PointOptions()
+        files = find_scans(scans, ENDINGS)
+        _check_names(files, [output_name(scan, options.format) for scan in files])
+        yield from predict_points(Segmenter.from_network(network, options), files, out, min_score or 0.0)
+        return
+    if options is not None and (given := options.given()):
+        raise ConfigError(f'{checkpoint} finds boxes; {", ".join(given)} is for networks that classify points')
+    files = find_scans(scans, BOX_ENDINGS)
+    _check_names(files, [scan.stem for scan in files])
+    least = 0.1 if min_score is None else min_score
+    yield from predict_boxes(Detector.from_network(network), files, out, least)
+
+
+def find_scans(paths: Sequence[Path], endings: Sequence[str]) -> list[Path]:
+    """The named files, and of folders those with one of the endings, sorted.
+
+    Raises:
+        ConfigError: There are none.
+    """
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(path.iterdir()) if path.is_dir() else [path]
+        found += [file for file in inside if not path.is_dir() or file.suffix.lower() in endings]
+    if not found:
+        raise ConfigError(f'no {" ".join(endings)} file in {", ".join(map(str, paths))}')
+    return found
+
+
+def _check_names(scans: Sequence[Path], names: Sequence[str]) -> None:
+    first: dict[str, Path] = {}
+    for scan, name in zip(scans, names, strict=True):
+        if name in first:
+            raise ConfigError(
+                f'{first[name]} and {scan} would be written to the same file {name}; predict one at a time'
+            )
+        first[name] = scan

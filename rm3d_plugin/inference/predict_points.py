@@ -1,0 +1,290 @@
+"""Classes and instances of points for scans that nobody labelled."""
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from mmengine.dataset import pseudo_collate
+from tqdm import tqdm
+
+from rm3d_plugin.datasets.base import features
+from rm3d_plugin.datasets.downsampled import thin_voxels
+from rm3d_plugin.datasets.semantic3d_format import GREATEST, LEAST
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.evaluation.point_fields import predicted_classes
+from rm3d_plugin.inference.predict_formats import ScanPrediction, check_format, output_name, write_prediction
+from rm3d_plugin.inference.trained import TrainedNetwork
+from rm3d_plugin.models.heads.proposals import Instances
+from rm3d_plugin.models.segmentors.scene_inference import Flip
+from rm3d_plugin.storage import LabelStore
+from rm3d_plugin.storage.scans import ColorRange, read_scan
+from rm3d_plugin.structures import PointCloud, SceneError
+
+MAX_POINTS = 1_000_000  # scans with more are predicted in chunks, where neither run nor user says otherwise
+NEUTRAL = 0.5  # what the network reads as no colour and no intensity
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PointOptions:
+    """How scans are read, predicted and written.
+
+    Attributes:
+        format: See :data:`rm3d_plugin.inference.predict_formats.FORMATS`.
+        votes: Directions from which a scan is read; None: as in the run's config.
+        flip: 'both': from each direction mirrored, too; None: as in the run's config.
+        max_points: Scans with more points are predicted in chunks; None: as in the run's config, else MAX_POINTS.
+        chunk_size: Metres; edge of the chunks; None: as ``max_points`` allows.
+        unknown_below: Points whose most likely class is less likely are written as unknown.
+        columns: What a table's columns hold, see :func:`rm3d_plugin.storage.scans.read_scan`.
+        intensity_range: Lowest and greatest intensity of the sensor, which become 0 and 1; None: as the run's data set
+            has it.
+        labels: Label store of the run: points of its own scans that have a label there keep it, the network says only
+            what the others are. Scans are found by name.
+    """
+
+    format: str = 'ply'
+    votes: int | None = None
+    flip: Flip | None = None
+    max_points: int | None = None
+    chunk_size: float | None = None
+    unknown_below: float = 0.0
+    columns: str | None = None
+    intensity_range: Range | None = None
+    labels: Path | None = None
+
+    def given(self) -> list[str]:
+        """Names of the options that are not their defaults."""
+        return [field.name for field in fields(self) if getattr(self, field.name) != field.default]
+
+
+@dataclass(frozen=True, eq=False)
+class Segmenter:
+    """A trained segmentor with everything it needs to read a scan.
+
+    Attributes:
+        model: The network, in evaluation mode.
+        pipeline: Test-time transforms.
+        classes: Class names.
+        voxel_downsample: Metres to which scans are thinned, as in the run; None: they are not.
+        intensity_range: See :class:`PointOptions`; None: the intensity is taken as it is.
+        color_range: See :func:`rm3d_plugin.storage.scans.read_scan`.
+        options: The user's.
+    """
+
+    model: Any
+    pipeline: list[Any]
+    classes: tuple[str, ...]
+    voxel_downsample: float | None
+    intensity_range: Range | None
+    color_range: ColorRange
+    options: PointOptions
+
+    @classmethod
+    def from_network(cls, network: TrainedNetwork, options: PointOptions) -> 'Segmenter':
+        """Take over what the run says of its scans.
+
+        Raises:
+            ConfigError: An option cannot be used.
+            SceneError: The format needs a package that is not installed.
+        """
+        dataset, model = network.config.val_dataloader.dataset, network.model
+        check_format(options.format, network.classes)
+        wanted = {name: getattr(options, name) for name in ('votes', 'flip', 'max_points', 'chunk_size')}
+        wanted = {name: value for name, value in wanted.items() if value is not None}
+        if model.inference.max_points is None and model.inference.chunk_size is None and 'chunk_size' not in wanted:
+            wanted.setdefault('max_points', MAX_POINTS)
+        try:
+            model.inference = replace(model.inference, **wanted)
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        thin = dataset.get('voxel_downsample', 0.05 if _is(dataset, 'Semantic3DDataset') else None)
+        intensity = options.intensity_range or trained_intensity_range(dataset)
+        color = dataset.get('color_range', 'auto')
+        return cls(model, network.pipeline, network.classes, thin, intensity, color, options)
+
+    def read(self, path: Path) -> PointCloud:
+        """Read a scan with the columns that the network wants.
+
+        Raises:
+            SceneError: The file cannot be used.
+        """
+        cloud = read_scan(path, self.options.columns, self.color_range).cloud
+        return fit_channels(cloud, self.model.inputs.columns, self.model.inputs.used, self.intensity_range, path.name)
+
+    def predict(self, cloud: PointCloud, name: str = 'scan') -> ScanPrediction:
+        """Predict all points of a cloud, thinned ones by the point that stands for them.
+
+        Args:
+            cloud: Points with the channels that the network wants, see :func:`fit_channels`.
+            name: For error messages.
+
+        Raises:
+            SceneError: The cloud cannot be used.
+        """
+        world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
+        try:
+            thin = thin_voxels(world, self.voxel_downsample)
+            sample = self._sample(cloud if self.voxel_downsample is None else cloud.select(thin.kept), name)
+        except ValueError as error:
+            raise SceneError(f'{name}: {error}') from error
+        kept = len(thin.kept)
+        probs = _on_points(sample.pred_point_probs.numpy(), sample.point_index.numpy(), kept)
+        found = None
+        if 'pred_instance_masks' in sample:
+            masks = _on_points(sample.pred_instance_masks.numpy().T, sample.point_index.numpy(), kept).T
+            found = Instances(
+                masks[:, thin.rows], sample.pred_instance_labels.numpy(), sample.pred_instance_scores.numpy()
+            )
+        semantic, confidence = predicted_classes(probs), probs.max(axis=1, initial=0.0)
+        if self.options.labels is not None:
+            semantic, confidence = keep_labels(semantic, confidence, self.options.labels, Path(name).stem)
+        semantic = np.where(confidence < self.options.unknown_below, -1, semantic)
+        return ScanPrediction(semantic[thin.rows], confidence[thin.rows], found)
+
+    def _sample(self, cloud: PointCloud, name: str) -> Any:
+        item: dict[str, Any] = {'scene_id': name, 'index': 0, 'num_points': len(cloud), 'points': features(cloud)}
+        item |= {'point_index': np.arange(len(cloud)), 'rng': np.random.default_rng(0)}
+        for step in self.pipeline:
+            item = step(item)
+        with torch.no_grad():
+            return self.model.test_step(pseudo_collate([item]))[0]
+
+
+def keep_labels(
+    semantic: Int[np.ndarray, ' points'], confidence: Float[np.ndarray, ' points'], labels: Path, scene: str
+) -> tuple[Int[np.ndarray, ' points'], Float[np.ndarray, ' points']]:
+    """What a network says of the points that a run has no label for; the others keep theirs.
+
+    Args:
+        semantic: Predicted classes.
+        confidence: How sure the network is.
+        labels: Label store of the run.
+        scene: Name of the scan; where the store does not know it, nothing changes, with a warning.
+
+    Raises:
+        SceneError: The store has labels for another number of points.
+    """
+    store = LabelStore(labels)
+    if scene not in store.scenes():
+        warnings.warn(f'{scene}: {labels} has no labels of this scan; the network alone classifies it', stacklevel=3)
+        return semantic, confidence
+    own = store.read(scene)
+    if len(own) != len(semantic):
+        raise SceneError(
+            f'{scene}: {labels} has labels for {len(own)} points, but the scan has {len(semantic)}; name the scan that '
+            'the run learnt from'
+        )
+    known = own.semantic >= 0
+    return np.where(known, own.semantic, semantic), np.where(known, own.confidence, confidence)
+
+
+def _on_points(rows: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
+    """Rows on the points they are about; zeros elsewhere."""
+    if len(rows) == count and np.array_equal(index, np.arange(count)):
+        return rows
+    out = np.zeros((count, *rows.shape[1:]), dtype=rows.dtype)
+    out[index] = rows
+    return out
+
+
+def _is(dataset: Mapping[str, Any], kind: str) -> bool:
+    return str(dataset.get('type', '')).rpartition('.')[2] == kind
+
+
+def trained_intensity_range(dataset: Mapping[str, Any]) -> Range | None:
+    """Which intensities became 0 and 1 in training; None: they were taken as they are.
+
+    Args:
+        dataset: Config of the run's data set.
+    """
+    if _is(dataset, 'Semantic3DDataset'):
+        return LEAST, GREATEST
+    if _is(dataset, 'FilesDataset'):
+        greatest = dataset.get('intensity_range')
+        return None if greatest is None else (0.0, float(greatest))
+    return 0.0, 1.0
+
+
+def fit_channels(
+    cloud: PointCloud,
+    columns: Sequence[str],
+    used: Sequence[str],
+    intensity_range: Range | None,
+    name: str,
+) -> PointCloud:
+    """The channels that a network wants, in its range: others are dropped, missing ones are neutral, with a warning.
+
+    Args:
+        cloud: As read.
+        columns: What the network is given: 'intensity', 'rgb', both or none.
+        used: What of it the network sees; nobody needs to be warned of the others.
+        intensity_range: See :class:`PointOptions`.
+        name: Of the scan, for warnings.
+    """
+    intensity = _unit_intensity(cloud.intensity, intensity_range, name) if 'intensity' in columns else None
+    colors = cloud.colors if 'rgb' in columns else None
+    missing = [
+        word
+        for word, part, values in (('intensity', 'intensity', intensity), ('colour', 'rgb', colors))
+        if part in used and values is None
+    ]
+    if missing:
+        warnings.warn(
+            f'{name}: has no {" and no ".join(missing)}, which the network was trained with; a neutral value stands in '
+            'for it, expect worse predictions',
+            stacklevel=2,
+        )
+    if 'intensity' in columns and intensity is None:
+        intensity = np.full(len(cloud), NEUTRAL, dtype=np.float32)
+    if 'rgb' in columns and colors is None:
+        colors = np.full((len(cloud), 3), NEUTRAL, dtype=np.float32)
+    return PointCloud(cloud.xyz, colors=colors, intensity=intensity, origin=cloud.origin, sensor=cloud.sensor)
+
+
+def _unit_intensity(
+    intensity: Float[np.ndarray, ' points'] | None, limits: Range | None, name: str
+) -> Float[np.ndarray, ' points'] | None:
+    if intensity is None or limits is None:
+        return intensity
+    low, high = limits
+    unit = (intensity - low) / (high - low)
+    outside = float(((unit < 0) | (unit > 1)).mean()) if len(unit) else 0.0
+    if outside > 0:
+        warnings.warn(
+            f'{name}: intensity: {100 * outside:.1f} % of the points lie outside {low:g} to {high:g} and are clipped; '
+            'pass --intensity-range LOW HIGH as the sensor has it',
+            stacklevel=3,
+        )
+    return np.clip(unit, 0.0, 1.0).astype(np.float32)
+
+
+def predict_points(segmenter: Segmenter, scans: Sequence[Path], out: Path, min_score: float) -> Iterator[Path]:
+    """Predict each scan and write it in the format of the options.
+
+    Args:
+        segmenter: The network.
+        scans: Files of the kinds that :func:`rm3d_plugin.storage.scans.read_scan` reads.
+        out: Folder.
+        min_score: Instances that score lower are left out.
+
+    Yields:
+        Each file when it is written.
+
+    Raises:
+        SceneError: A scan cannot be used; files already written stay.
+    """
+    kind = segmenter.options.format
+    segmenter.model.progress = lambda chunks: tqdm(chunks, desc='chunks', unit='chunk', leave=False, disable=None)
+    for scan in tqdm(scans, desc='predict', unit='scan', disable=None):
+        cloud = segmenter.read(scan)
+        found = segmenter.predict(cloud, scan.name)
+        if found.instances is not None:
+            keep = found.instances.scores >= min_score
+            found = replace(found, instances=Instances(*(part[keep] for part in found.instances)))
+        yield from write_prediction(kind, out, output_name(scan, kind), cloud, found, segmenter.classes)

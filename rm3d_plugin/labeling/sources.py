@@ -1,0 +1,153 @@
+"""Where annotated labels come from: the scenes of a data set, and what the budget shows of them."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int
+from tqdm import tqdm
+
+from rm3d_plugin.datasets.base import Truth
+from rm3d_plugin.label_budgets import (
+    BOX_BUDGETS,
+    BoxAmount,
+    BoxBudget,
+    BudgetError,
+    count_points,
+    draw_box_budget,
+    hide,
+    load_box_budget,
+    save_box_budget,
+)
+from rm3d_plugin.pseudo_labels import AnnotatedLabels
+from rm3d_plugin.registry import DATASETS, TASK_UTILS
+from rm3d_plugin.structures import PointCloud
+
+
+class LabelSource(ABC):
+    """Scenes with the labels that training may see. Implement it to label the scenes of another project.
+
+    Attributes:
+        classes: Names of the classes, background left out.
+        scene_ids: One name a scene.
+        thing_classes: In segmentation, numbers of the classes that have instances.
+    """
+
+    classes: Sequence[str]
+    scene_ids: Sequence[str]
+    thing_classes: Sequence[int] = ()
+
+    @abstractmethod
+    def load_cloud(self, index: int) -> PointCloud:
+        """Points of scene ``index``."""
+
+    @abstractmethod
+    def annotated_labels(self, index: int) -> AnnotatedLabels:
+        """Annotated labels of scene ``index``."""
+
+    def truth(self, index: int) -> Truth | None:
+        """All labels, for the report on pseudo labels only; None where nobody knows them."""
+        return None
+
+    def point_counts(self) -> Int[np.ndarray, ' classes']:
+        """Annotated points of each class."""
+        counts = np.zeros(len(self.classes), dtype=np.int64)
+        for index in range(len(self.scene_ids)):
+            semantic = self.annotated_labels(index).semantic
+            counts += np.bincount(semantic[semantic >= 0], minlength=len(self.classes))
+        return counts
+
+    def describe(self) -> str:
+        """What is annotated, in one or a few lines."""
+        return f'{len(self.scene_ids)} scenes'
+
+    def open(self, folder: Path, resume: bool) -> None:  # noqa: B027  a source with fixed labels has nothing to keep
+        """Draw what is annotated and keep it in ``folder``, or with ``resume`` take up what is kept there."""
+
+
+class DatasetSource(LabelSource):
+    """The scenes of a data set; what is annotated of them is up to the subclass.
+
+    Args:
+        dataset: The training split or its config.
+    """
+
+    def __init__(self, dataset: Any) -> None:
+        self.dataset = DATASETS.build(dataset) if isinstance(dataset, Mapping) else dataset
+        self.classes = tuple(self.dataset.metainfo['classes'])
+        self.scene_ids = list(self.dataset.scene_ids)
+
+    def load_cloud(self, index: int) -> PointCloud:
+        """Points of scene ``index``."""
+        cloud: PointCloud = self.dataset.load_cloud(index)
+        return cloud
+
+    def truth(self, index: int) -> Truth | None:
+        """All labels of a scene, for reports."""
+        truth: Truth = self.dataset.load_truth(index)
+        return truth
+
+
+@TASK_UTILS.register_module()
+class BoxBudgetSource(DatasetSource):
+    """A few boxes of a detection data set, drawn by seed (METHOD 8).
+
+    Args:
+        dataset: The training split or its config; its truth is read here to show the drawn boxes, and for reports.
+        budget: '1pct' (two boxes per ten scenes), '0p5pct', '3pct', 'full', or the fields of a ``BoxAmount``.
+        seed: Seed of the draw.
+        min_points: Boxes with fewer lidar points are never drawn.
+    """
+
+    def __init__(
+        self, dataset: Any, budget: str | Mapping[str, Any] = '1pct', seed: int = 0, min_points: int = 5
+    ) -> None:
+        super().__init__(dataset)
+        self._amount = budget if isinstance(budget, str) else BoxAmount(**budget)
+        self._seed, self._min_points = seed, min_points
+        self._budget: BoxBudget | None = None
+
+    @property
+    def budget(self) -> BoxBudget:
+        """The drawn boxes; drawn at first use."""
+        if self._budget is None:
+            labels, points = {}, {}
+            for index, scene in enumerate(tqdm(self.scene_ids, desc='drawing the label budget', leave=False)):
+                boxes = self.dataset.load_truth(index).boxes
+                labels[scene] = boxes.labels
+                points[scene] = count_points(self.dataset.load_cloud(index).xyz, boxes.tensor)
+            self._budget = draw_box_budget(labels, self._amount, self._seed, points, self._min_points)
+        return self._budget
+
+    def annotated_labels(self, index: int) -> AnnotatedLabels:
+        """The annotated boxes of a scene and the labels of the points in them."""
+        truth = self.dataset.load_truth(index)
+        rows = self.budget.rows(self.scene_ids[index], len(truth.boxes))
+        seen = hide(self.load_cloud(index).xyz, truth, rows, self.budget.complete)
+        return AnnotatedLabels(seen.semantic, seen.instance, seen.boxes, complete=seen.complete)
+
+    def describe(self) -> str:
+        """The budget's summary."""
+        return self.budget.summary(self.classes)
+
+    def open(self, folder: Path, resume: bool) -> None:
+        """Write ``budget.json``, or read it.
+
+        Raises:
+            BudgetError: What is kept there is not the budget that is asked for.
+        """
+        if resume:
+            self._budget = self._checked(load_box_budget(folder / 'budget.json'), folder)
+        else:
+            save_box_budget(folder / 'budget.json', self.budget)
+
+    def _checked(self, kept: BoxBudget, folder: Path) -> BoxBudget:
+        amount = BOX_BUDGETS.get(self._amount) if isinstance(self._amount, str) else self._amount
+        if (kept.seed, kept.amount) != (self._seed, amount):
+            raise BudgetError(
+                f'{folder / "budget.json"}: was drawn with seed {kept.seed} and {kept.amount}, but seed {self._seed} '
+                f'and {amount} are asked for; resume with the settings of that run, or start in another work dir'
+            )
+        return kept

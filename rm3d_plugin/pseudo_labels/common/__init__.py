@@ -1,0 +1,1 @@
+"""What both tasks share: annotated labels, groups of regions, ledgers."""

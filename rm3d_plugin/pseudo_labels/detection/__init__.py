@@ -1,0 +1,1 @@
+"""Pseudo boxes and the labels of their points."""

@@ -1,0 +1,174 @@
+"""Leaves ``report.html`` in the work directory."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from mmengine.dataset import pseudo_collate
+from mmengine.dist import is_main_process
+from mmengine.hooks import Hook
+from mmengine.runner import Runner
+
+from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
+from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker
+from rm3d_plugin.registry import HOOKS
+from rm3d_plugin.reporting.merges import merge_report
+from rm3d_plugin.reporting.run_report import run_report, scene_picture
+from rm3d_plugin.reporting.scenes import (
+    SceneRecord,
+    pick_scenes,
+    point_classes,
+    point_instances,
+    scene_from_above,
+    views_of,
+)
+from rm3d_plugin.structures import Boxes3D, SceneError
+from rm3d_plugin.visualization import Picture, write_report
+
+
+@HOOKS.register_module()
+class ReportHook(Hook):
+    """After training: one self-contained page with scores, curves, labels of each round and pictures.
+
+    Args:
+        train_scenes: How many training scenes are shown with regions, pseudo labels and predictions.
+        val_scenes: How many validation scenes are shown with predictions.
+    """
+
+    priority = 'VERY_LOW'
+
+    def __init__(self, train_scenes: int = 2, val_scenes: int = 2) -> None:
+        self.train_scenes, self.val_scenes = train_scenes, val_scenes
+        self._began = time.perf_counter()
+
+    def before_train(self, runner: Runner) -> None:
+        """Start the clock of this process."""
+        self._began = time.perf_counter()
+
+    def after_train(self, runner: Runner) -> None:
+        """Write the page."""
+        merging = [hook for hook in runner.hooks if isinstance(hook, RegionMergeHook)]
+        if not is_main_process() or not merging:
+            return
+        label_maker = merging[0].label_maker
+        times = merging[0].times.rounds()
+        labels = merging[0].seconds
+        seconds = {'labels': labels, 'training and validation': time.perf_counter() - self._began - labels}
+        views = merges = None
+        if isinstance(label_maker, SegmentationLabelMaker):
+            scenes = [*self._train_records(runner, merging[0]), *self._val_records(runner)]
+            pictures = [scene_from_above(scene, label_maker.source.classes) for scene in scenes]
+            views = views_of(scenes, label_maker.source.classes)
+            merges = merge_report(label_maker.store, label_maker.source)
+        else:
+            pictures = [*self._train_pictures(runner, merging[0]), *self._val_pictures(runner)]
+        record, classes = read_record(runner.work_dir), label_maker.source.classes
+        report = run_report(runner.cfg, record, label_maker.store, classes, pictures, seconds, views, merges, times)
+        path = write_report(Path(runner.work_dir) / 'report.html', report)
+        runner.logger.info(f'report: {path}')
+
+    # ------------------------------------------------------------------ detection
+
+    def _train_pictures(self, runner: Runner, merging: RegionMergeHook) -> list[Picture]:
+        label_maker, dataset = merging.label_maker, merging.dataloader.dataset
+        rated = sorted(label_maker.store.scenes().items(), key=lambda item: -item[1].true_boxes)
+        pictures = []
+        for scene_id, _ in rated[: self.train_scenes]:
+            scene, index = label_maker.prepared(scene_id), label_maker.source.scene_ids.index(scene_id)
+            pictures.append(
+                scene_picture(
+                    f'training scene {scene_id}, labels of the last round',
+                    scene.cloud,
+                    label_maker.source.classes,
+                    label_maker.source.truth(index),
+                    _detect(runner, dataset[index]),
+                    scene.regions,
+                    label_maker.store.read(scene_id),
+                )
+            )
+        return pictures
+
+    def _val_pictures(self, runner: Runner) -> list[Picture]:
+        return [
+            scene_picture(
+                f'validation scene {dataset.scene_ids[index]}',
+                dataset.load_cloud(index),
+                dataset.metainfo['classes'],
+                dataset.load_truth(index),
+                _detect(runner, dataset[index]),
+            )
+            for dataset, index in self._val_scenes(runner)
+        ]
+
+    def _val_scenes(self, runner: Runner) -> Iterator[tuple[Any, int]]:
+        if runner.val_loop is None:
+            return
+        dataset = runner.val_dataloader.dataset
+        step = max(1, len(dataset) // max(self.val_scenes, 1))
+        for index in list(range(0, len(dataset), step))[: self.val_scenes]:
+            yield dataset, index
+
+    # ------------------------------------------------------------------ segmentation
+
+    def _train_records(self, runner: Runner, merging: RegionMergeHook) -> Iterator[SceneRecord]:
+        label_maker, dataset = merging.label_maker, merging.dataloader.dataset
+        for scene_id in pick_scenes(label_maker, self.train_scenes):
+            index = label_maker.index_of[scene_id]
+            cloud, truth = label_maker.source.load_cloud(index), label_maker.source.truth(index)
+            merged = label_maker.needs_geometry() and not label_maker.annotated(scene_id).complete
+            classes, instances = _segment(runner, dataset[dataset.scene_ids.index(scene_id)], len(cloud))
+            yield SceneRecord(
+                f'training scene {scene_id}',
+                cloud,
+                label_maker.prepared(scene_id).regions.labels if merged else None,
+                {number: label_maker.store.read(scene_id, number) for number in label_maker.store.rounds()},
+                classes,
+                instances,
+                None if truth is None else truth.semantic,
+                None if truth is None else truth.instance,
+            )
+
+    def _val_records(self, runner: Runner) -> Iterator[SceneRecord]:
+        for dataset, index in self._val_scenes(runner):
+            cloud = dataset.load_cloud(index)
+            truth = dataset.load_truth(index) if dataset.labels == 'truth' else None  # else nobody may know it
+            classes, instances = _segment(runner, dataset[index], len(cloud))
+            yield SceneRecord(
+                f'validation scene {dataset.scene_ids[index]}',
+                cloud,
+                predicted=classes,
+                instances=instances,
+                truth=None if truth is None else truth.semantic,
+                true_instances=None if truth is None else truth.instance,
+            )
+
+
+def _predict(runner: Runner, item: dict[str, Any]) -> Any:
+    model = getattr(runner.model, 'module', runner.model)
+    model.eval()
+    with torch.no_grad():
+        return model.test_step(pseudo_collate([item]))[0]
+
+
+def _detect(runner: Runner, item: dict[str, Any], min_score: float = 0.3) -> Boxes3D:
+    sample = _predict(runner, item)
+    scores = sample.pred_scores_3d.cpu().numpy()
+    boxes = Boxes3D(sample.pred_bboxes_3d.cpu().numpy(), sample.pred_labels_3d.cpu().numpy(), scores)
+    return boxes.select(scores >= min_score)
+
+
+def _segment(runner: Runner, item: dict[str, Any], points: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """Class and instance of every point of a scene, -1 = none; no instances where the model looks for none."""
+    sample = _predict(runner, item)
+    if 'pred_point_probs' not in sample:
+        raise SceneError(f'ReportHook: the prediction of scene {sample.scene_id} has no pred_point_probs')
+    index = sample.point_index.cpu().numpy() if 'point_index' in sample else None
+    classes = point_classes(sample.pred_point_probs.float().cpu().numpy(), index, points)
+    if 'pred_instance_masks' not in sample:
+        return classes, None
+    masks, scores = sample.pred_instance_masks.cpu().numpy(), sample.pred_instance_scores.cpu().numpy()
+    return classes, point_instances(masks, scores, index, points)

@@ -1,0 +1,101 @@
+"""Gathers what a run left behind for its HTML report."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mmengine.config import Config
+
+from rm3d_plugin.datasets.base import Truth
+from rm3d_plugin.reporting.scores import (
+    headlines,
+    label_charts,
+    loss_chart,
+    point_table,
+    result_rows,
+    result_table,
+    score_chart,
+)
+from rm3d_plugin.storage import LabelStore, read_json
+from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels, Regions
+from rm3d_plugin.visualization import (
+    BudgetSummary,
+    MergeReport,
+    Picture,
+    RoundTime,
+    RunReport,
+    draw_bev,
+    scene_panels,
+)
+
+__all__ = ['budget_of', 'loss_chart', 'result_rows', 'result_table', 'run_report', 'scene_picture', 'score_chart']
+
+SHOWN_KEYS = ('descriptor', 'oversegmenter', 'strategy', 'budget', 'rounds', 'sigma', 'seed', 'data_root', 'batch_size')
+
+
+def budget_of(store: LabelStore, classes: Sequence[str], name: Any) -> BudgetSummary | None:
+    """The label budget kept beside the labels, or None."""
+    path = store.root / 'budget.json'
+    if not path.is_file():
+        return None
+    content = read_json(path)
+    annotated, total = content['annotated_per_class'], content['total_per_class']
+    counts = {cls: (int(annotated.get(str(i), 0)), int(total.get(str(i), 0))) for i, cls in enumerate(classes)}
+    return BudgetSummary(str(name), content['hash'], counts, content['seed'])
+
+
+def scene_picture(
+    caption: str,
+    cloud: PointCloud,
+    classes: Sequence[str],
+    truth: Truth | None,
+    predicted: Boxes3D | None,
+    regions: Regions | None = None,
+    labels: PseudoLabels | None = None,
+) -> Picture:
+    """A scene from above: regions, labels, predictions, each with the truth where it is known."""
+    panels = scene_panels(
+        cloud.xyz,
+        classes,
+        regions=None if regions is None else regions.labels,
+        semantic=None if labels is None else labels.semantic,
+        truth=None if truth is None else truth.boxes,
+        pseudo=None if labels is None else labels.boxes,
+        predicted=predicted,
+    )
+    return Picture(caption, draw_bev(panels))
+
+
+def run_report(
+    config: Config,
+    record: Mapping[str, Any],
+    store: LabelStore,
+    classes: Sequence[str],
+    pictures: Sequence[Picture],
+    seconds: Mapping[str, float],
+    views: Mapping[str, Any] | None = None,
+    merges: MergeReport | None = None,
+    times: Sequence[RoundTime] = (),
+) -> RunReport:
+    """Everything the page shows; ``views`` and ``merges`` in segmentation only."""
+    rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
+    charts = [loss_chart(record['losses']), score_chart(record['validation']), *label_charts(rounds)]
+    final = record.get('final', {})
+    facts = {'epochs': len(record['losses']), 'label rounds': len(rounds), 'work dir': Path(config.work_dir).name}
+    return RunReport(
+        title=str(config.get('config_name', 'RM3D run')),
+        synthetic=bool(config.get('is_demo', False)),
+        summary={**headlines(final), **facts},
+        budget=budget_of(store, classes, config.get('budget', '')),
+        results=result_rows(final),
+        scores=point_table(final),
+        charts=[chart for chart in charts if chart is not None],
+        rounds=rounds,
+        pictures=pictures,
+        views=views,
+        merges=merges,
+        config={key: config[key] for key in SHOWN_KEYS if key in config},
+        config_text=config.pretty_text,
+        seconds=seconds,
+        times=times,
+    )

@@ -1,0 +1,82 @@
+"""Which scans label propagation takes, and how regions alone are scored."""
+
+import numpy as np
+import pytest
+
+from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.experiments.propagation import (
+    CONFIGS,
+    Scan,
+    labels_alone,
+    oakland_scans,
+    propagation_table,
+    run_config,
+    semantickitti_scans,
+)
+from rm3d_plugin.storage import LabelStore
+from rm3d_plugin.structures import Boxes3D, PseudoLabels
+
+
+def test_every_tile_and_every_scan_is_taken_by_itself(tmp_path):
+    for name in ('oakland_part2_ac', 'oakland_part3_ao'):
+        (tmp_path / f'{name}.xyz_label_conf').touch()
+    assert [scan.options['train_tiles'] for scan in oakland_scans(tmp_path)] == [['part2_ac'], ['part3_ao']]
+    for sequence, number, remission in (('01', '000001', 0.0), ('01', '000000', 0.3), ('99', '000700', 0.0)):
+        folder = tmp_path / 'kitti' / 'sequences' / sequence
+        for part in ('velodyne', 'labels'):
+            (folder / part).mkdir(parents=True, exist_ok=True)
+        np.array([[float(number), 0, 0, remission]], dtype='<f4').tofile(folder / 'velodyne' / f'{number}.bin')
+        (folder / 'labels' / f'{number}.label').write_text(f'{sequence} {number}')
+    scans = semantickitti_scans(tmp_path / 'kitti', tmp_path / 'out')
+    assert [scan.name for scan in scans] == [
+        f'SemanticKITTI {name}' for name in ('01/000000', '01/000001', '99/000700')
+    ]
+    alone = tmp_path / 'out' / '01_000001' / 'sequences' / '00'
+    assert np.fromfile(alone / 'velodyne' / '000001.bin', dtype='<f4').tolist() == [1, 0, 0, 0]
+    assert (alone / 'labels' / '000001.label').read_text() == '01 000001'
+    assert len(list(alone.glob('*/*'))) == 2 and scans[1].options['val_sequences'] == [0]
+    assert [scan.options.get('use_intensity', False) for scan in scans] == [True, False, False]
+
+
+def test_every_scan_gets_the_settings_of_own_scans(tmp_path):
+    own = load_config(CONFIGS / 'rm3d_sem_files_clicks.py', tmp_path)
+    for name, data in (('rm3d_sem_oakland_1pct', 'Oakland'), ('rm3d_sem_semantickitti_few_1pct', 'SemanticKitti')):
+        config = run_config(Scan('a', name), tmp_path, {'threads': 1})
+        for key in ('sigma', 'voxel_size', 'gamma', 'strategy', 'train_pipeline', 'point_columns'):
+            assert config[key] == own[key]
+        assert config.oversegmenter.rest == own.oversegmenter.rest
+        dataset = config.val_dataloader.dataset
+        assert dataset.type == f'{data}Dataset' and dataset.pipeline == own.val_dataloader.dataset.pipeline
+        assert config.budget == '20pts_class' and config.voxel_downsample is None
+        assert [metric.keep_labels for metric in config.val_evaluator if 'prefix' not in metric] == [True]
+
+
+def test_what_needs_no_network_is_scored_on_hidden_points(tmp_path):
+    """Ten points a metre apart: 0 and 9 are annotated, a region spreads the first to 1 .. 4; the truth changes at 6."""
+    rows = np.arange(10)
+    tile = tmp_path / 'oakland_a.xyz_label_conf'
+    ids = np.where(rows < 6, 1200, 1501)  # ground, vehicle
+    tile.write_text(''.join(f'{x} 0 0 {label} 1\n' for x, label in zip(rows, ids, strict=True)))
+    options = {'data_root': str(tmp_path), 'val_tiles': ['a'], 'threads': 1, 'cache_dir': str(tmp_path / 'cache')}
+    config = run_config(Scan('a', 'rm3d_sem_oakland_1pct'), tmp_path / 'run', options)
+    store = LabelStore(tmp_path / 'run' / 'labels')
+    semantic = np.where(rows < 5, 3, np.where(rows == 9, 5, -1))
+    nobody, true = np.full(10, -1), (rows == 0) | (rows == 9)
+    for number, last in (
+        (0, semantic),
+        (1, np.where(rows == 6, 5, semantic)),
+    ):  # the next round finds that 6 is a vehicle
+        store.begin_round(number)
+        sure = (last >= 0).astype(np.float32)
+        store.write(number, 'a', PseudoLabels(last, nobody, true, sure, Boxes3D.empty(), true[:0]))
+        store.finish_round(number)
+    got = labels_alone(config, tmp_path / 'run')
+    assert got['nearest'] == pytest.approx(100 * (4 / 5 + 3 / 4) / 2)  # 5 is nearer to 9: taken for a vehicle
+    assert got['regions'] == pytest.approx(100 * (4 / 5 + 0) / 2)
+    assert got['filled'] == pytest.approx(100 * (5 / 6 + 2 / 3) / 2)  # 6 is nearer to 4 than to 9
+    assert got['spread'] == pytest.approx(100.0)
+
+
+def test_without_real_scans_it_says_where_it_looked(tmp_path):
+    with pytest.raises(ConfigError, match=r'no oakland/\*\.xyz_label_conf'):
+        propagation_table(tmp_path / 'out', data_root=tmp_path)

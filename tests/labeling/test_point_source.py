@@ -1,0 +1,100 @@
+"""What a budget of points shows of a data set, and what a resumed run takes up."""
+
+import json
+
+import numpy as np
+import pytest
+from reference.toy_scenes import ToyRooms
+
+from rm3d_plugin.label_budgets import BudgetError, clicks_of, write_clicks
+from rm3d_plugin.labeling import PointBudgetSource
+
+
+def source(budget='20pts', seed=0, count=3, **settings):
+    return PointBudgetSource(ToyRooms(count, **settings), budget, seed)
+
+
+def test_annotated_points_alone_are_labelled():
+    some = source()
+    assert (some.classes, tuple(some.thing_classes)) == (('floor', 'box', 'wall'), (1,))
+    for index in range(3):
+        annotated, truth = some.annotated_labels(index), some.truth(index)
+        shown = np.flatnonzero(annotated.semantic >= 0)
+        assert len(shown) == 20 and not annotated.complete and len(annotated.boxes) == 0
+        np.testing.assert_array_equal(shown, some.budget.annotated[f'room{index}'].points)
+        np.testing.assert_array_equal(annotated.semantic[shown], truth.semantic[shown])
+        np.testing.assert_array_equal(annotated.instance, np.where(annotated.semantic >= 0, truth.instance, -1))
+        assert set(annotated.semantic[shown].tolist()) == {0, 1, 2}
+    counts = some.point_counts()
+    assert counts.sum() == 60
+    np.testing.assert_array_equal(counts, super(PointBudgetSource, some).point_counts())
+    assert '60 of' in some.describe() and 'box' in some.describe()
+
+
+def test_everything_annotated_is_complete():
+    annotated, truth = source('full').annotated_labels(1), source().truth(1)
+    assert annotated.complete
+    np.testing.assert_array_equal(annotated.semantic, truth.semantic)
+    np.testing.assert_array_equal(annotated.instance, truth.instance)
+    assert (source('full_no_instances').annotated_labels(1).instance == -1).all()
+
+
+def test_whole_scenes():
+    some = source('scenes20pct', count=5)
+    kinds = [some.annotated_labels(index) for index in range(5)]
+    assert sum(labels.complete for labels in kinds) == 1
+    assert all((annotated.semantic >= 0).any() == labels.complete for labels in kinds)
+
+
+def test_the_draw_is_kept_for_resuming(tmp_path):
+    first = source('0p2pct')
+    first.open(tmp_path, resume=False)
+    again = source('0p2pct')
+    again.open(tmp_path, resume=True)
+    assert again.budget.hash == first.budget.hash
+    content = json.loads((tmp_path / 'budget.json').read_text())
+    assert content['hash'] == first.budget.hash and content['seed'] == 0
+    source({'percent': 0.2}).open(tmp_path, resume=True)  # the same amount under another name
+
+
+@pytest.mark.parametrize(('budget', 'seed'), [('full', 0), ('20pts', 1), ('20pts_no_instances', 0)])
+def test_a_run_is_not_resumed_with_another_budget(tmp_path, budget, seed):
+    source('20pts').open(tmp_path, resume=False)
+    with pytest.raises(BudgetError, match=rf'budget\.json: was drawn with seed 0.* but seed {seed} .*another work dir'):
+        source(budget, seed).open(tmp_path, resume=True)
+
+
+def test_nothing_to_resume_and_other_data_are_told(tmp_path):
+    with pytest.raises(BudgetError, match=r'budget\.json: no such label budget'):
+        source().open(tmp_path, resume=True)
+    source().open(tmp_path, resume=False)
+    denser = source(density=2)
+    denser.open(tmp_path, resume=True)
+    with pytest.raises(BudgetError, match='scene room0: the label budget was drawn from .* thinning or data changed'):
+        denser.annotated_labels(0)
+
+
+@pytest.mark.parametrize('voxel', [None, 0.1])
+def test_drawn_points_written_as_clicks_reveal_the_same(tmp_path, voxel):
+    some = source('onept_instance', voxel_downsample=voxel)
+    clicks = []
+    for index, scene in enumerate(some.scene_ids):
+        cloud = some.load_cloud(index)
+        clicks += clicks_of(scene, some.annotated(index, len(cloud)), cloud, some.rows_of(scene))
+    write_clicks(tmp_path / 'clicks.csv', clicks, some.classes)
+    for truth in (True, False):
+        clicked = source({'clicks': str(tmp_path / 'clicks.csv')}, voxel_downsample=voxel, truth=truth)
+        for index in range(3):
+            ours, theirs = some.annotated_labels(index), clicked.annotated_labels(index)
+            np.testing.assert_array_equal(ours.semantic, theirs.semantic)
+            np.testing.assert_array_equal(ours.instance, theirs.instance)
+        assert (clicked.truth(0) is not None) == truth
+
+
+def test_lists_count_the_points_of_the_file(tmp_path):
+    dataset = ToyRooms(2, voxel_downsample=0.1)
+    rows = dataset.original_index(1)
+    labelled = [int(i) for i in np.flatnonzero(dataset.load_truth(1).semantic[rows] >= 0)[[7, 90]]]
+    (tmp_path / 'list.json').write_text(json.dumps({'room1': labelled}))
+    annotated = PointBudgetSource(dataset, {'point_list': str(tmp_path / 'list.json')}).annotated_labels(1)
+    assert np.flatnonzero(annotated.semantic >= 0).tolist() == np.unique(rows[labelled]).tolist()
