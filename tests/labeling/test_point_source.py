@@ -42,7 +42,7 @@ def test_everything_annotated_is_complete():
 def test_whole_scenes():
     some = source('scenes20pct', count=5)
     kinds = [some.annotated_labels(index) for index in range(5)]
-    assert sum(labels.complete for labels in kinds) == 1
+    assert sum(kind.complete for kind in kinds) == 1
     assert all((annotated.semantic >= 0).any() == labels.complete for labels in kinds)
 
 
