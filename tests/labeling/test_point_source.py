@@ -43,7 +43,7 @@ def test_whole_scenes():
     some = source('scenes20pct', count=5)
     kinds = [some.annotated_labels(index) for index in range(5)]
     assert sum(kind.complete for kind in kinds) == 1
-    assert all((annotated.semantic >= 0).any() == labels.complete for labels in kinds)
+    assert all((kind.semantic >= 0).any() == kind.complete for kind in kinds)
 
 
 def test_the_draw_is_kept_for_resuming(tmp_path):
