@@ -1,11 +1,9 @@
 """The prediction command with a segmentor."""
 
-import runpy
-
 import numpy as np
 from runs.random_segmentor import make_checkpoint, make_scan
-from runs.tiny_runs import ROOT
 
+from rm3d_plugin.commands.test import metric_table
 from rm3d_plugin.storage.scans import read_scan
 
 
@@ -41,5 +39,5 @@ def test_options_of_points_are_not_for_boxes(call, trained, world, tmp_path):
 
 
 def test_scores_of_points_are_printed_as_they_are():
-    table = runpy.run_path(str(ROOT / 'tools' / 'test.py'))['metric_table']({'mIoU': 61.234, 'IoU_wall': float('nan')})
+    table = metric_table({'mIoU': 61.234, 'IoU_wall': float('nan')})
     assert table.splitlines()[2:] == ['mIoU      61.23', 'IoU_wall    nan']

@@ -5,9 +5,9 @@ from typing import Any
 
 import torch
 
-from benchmarks.measure import forget_peak, interleaved_medians, machine, memory_mb
-from benchmarks.sparse_unet import all_maps, room_voxels
 from rm3d_plugin.datasets.synthetic.rooms import make_room
+from rm3d_plugin.experiments.benchmarks.measure import forget_peak, interleaved_medians, machine, memory_mb
+from rm3d_plugin.experiments.benchmarks.sparse_unet import all_maps, room_voxels
 from rm3d_plugin.models.backbones.sparse_unet import PRESETS, SparseUNet
 from rm3d_plugin.ops._parallel import set_threads
 from rm3d_plugin.ops.voxelize import voxelize

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import clouds
-from benchmarks.measure import Seconds, interleaved_medians, machine, table
-from benchmarks.peers import ABSENT, PclPeer, pcl_program
+from rm3d_plugin.experiments.benchmarks import clouds
+from rm3d_plugin.experiments.benchmarks.measure import Seconds, interleaved_medians, machine, table
+from rm3d_plugin.experiments.benchmarks.peers import ABSENT, PclPeer, pcl_program
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.oversegmentation import VCCS, Oversegmenter, RegionGrowing
 from rm3d_plugin.structures import Descriptors, PointCloud

@@ -1,6 +1,6 @@
-"""Peak memory and CPU time of thinning a Semantic3D station: python tools/benchmarks/semantic3d_memory.py [MILLIONS].
+"""Peak memory and CPU time of thinning a Semantic3D station.
 
-The file is made in a temporary folder and removed again.
+``python -m rm3d_plugin.experiments.benchmarks.semantic3d_memory [MILLIONS]``; its file is made and removed again.
 """
 
 import multiprocessing

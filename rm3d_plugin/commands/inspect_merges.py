@@ -1,22 +1,21 @@
-"""Look into the labels of a run: its strongest and weakest merges, and what other thresholds would have made of it."""
+"""Show the merges of a run: the strongest and weakest, and what other thresholds would have merged."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from mmengine.config import DictAction
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.run import exit_code
 from rm3d_plugin.reporting.replay import RoundOfLabels, format_extremes, format_replay, source_of_run
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Read the arguments and print."""
     parser = argparse.ArgumentParser(
+        prog='rm3d inspect_merges',
         description=__doc__,
-        epilog='Example: tools/visualize.py --labels work_dirs/x/labels --round 3 --replay tau=.7 gamma=.8',
+        epilog='Example: rm3d inspect_merges --labels work_dirs/x/labels --round 3 --replay tau=.7 gamma=.8',
     )
     parser.add_argument('--labels', type=Path, required=True, help='label store of a run: WORK_DIR/labels')
     parser.add_argument('--round', type=int, help='which round; default: the one that training reads')
@@ -35,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--config', type=Path, help='config of the run, for the truth; default: the one beside labels')
     args = parser.parse_args(arguments)
     if args.replay is None and args.ledger is None:
-        raise ConfigError('tools/visualize.py: nothing to do; give --replay KEY=VALUE or --ledger')
+        raise ConfigError('rm3d inspect_merges: nothing to do; give --replay KEY=VALUE or --ledger')
     source = None
     if args.replay is not None:
         source, why = source_of_run(args.labels, args.config)
@@ -46,7 +45,3 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(format_extremes(chosen, args.ledger))
     if args.replay is not None:
         print(format_replay(chosen.replay(args.replay), args.replay))
-
-
-if __name__ == '__main__':
-    sys.exit(exit_code(main))

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import clouds
-from benchmarks.measure import machine
+from rm3d_plugin.experiments.benchmarks import clouds
+from rm3d_plugin.experiments.benchmarks.measure import machine
 
 NAME = 'prepare'
 HELP = 'normals, adapted PFH, regions and graph of scenes of several sizes, each in a process of its own'
-CHILD = 'import json, sys; from benchmarks.prepare import one; print(json.dumps(one(int(sys.argv[1]))))'
+CHILD = f'import json, sys; from {__name__} import one; print(json.dumps(one(int(sys.argv[1]))))'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

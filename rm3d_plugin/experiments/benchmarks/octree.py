@@ -11,9 +11,9 @@ import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks import clouds
-from benchmarks.measure import Seconds, interleaved_medians, machine, table
-from benchmarks.peers import ABSENT, PclPeer, pcl_program
+from rm3d_plugin.experiments.benchmarks import clouds
+from rm3d_plugin.experiments.benchmarks.measure import Seconds, interleaved_medians, machine, table
+from rm3d_plugin.experiments.benchmarks.peers import ABSENT, PclPeer, pcl_program
 from rm3d_plugin.ops.octree import Octree
 
 NAME = 'octree'

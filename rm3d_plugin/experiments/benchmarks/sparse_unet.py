@@ -6,7 +6,7 @@ from typing import Any
 
 import torch
 
-from benchmarks.measure import interleaved_medians, machine, matrix_product
+from rm3d_plugin.experiments.benchmarks.measure import interleaved_medians, machine, matrix_product
 from rm3d_plugin.models.backbones.layers import InverseConv, SparseConv, SparseFeatures
 from rm3d_plugin.models.backbones.sparse_unet import SparseUNet
 from rm3d_plugin.ops._parallel import set_threads
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         jobs['forward_backward_s'] = forward_backward
     jobs['product'] = product
     if importlib.util.find_spec('spconv') is not None:
-        from benchmarks.spconv_unet import jobs as spconv_jobs
+        from rm3d_plugin.experiments.benchmarks.spconv_unet import jobs as spconv_jobs
 
         jobs |= spconv_jobs(level.coords, features, args.channels, args.blocks, args.backward, conv_rows)
     seconds = interleaved_medians(jobs, args.repeats)

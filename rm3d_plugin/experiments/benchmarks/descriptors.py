@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks import clouds
-from benchmarks.measure import Seconds, interleaved_medians, machine, table
-from benchmarks.peers import ABSENT, PclPeer, optional, pcl_program
 from rm3d_plugin.descriptors.adapted_pfh import adapted_pfh
 from rm3d_plugin.descriptors.fpfh import fpfh
 from rm3d_plugin.descriptors.shot import shot
+from rm3d_plugin.experiments.benchmarks import clouds
+from rm3d_plugin.experiments.benchmarks.measure import Seconds, interleaved_medians, machine, table
+from rm3d_plugin.experiments.benchmarks.peers import ABSENT, PclPeer, optional, pcl_program
 from rm3d_plugin.ops.normals import estimate_normals
 
 NORMAL_NEIGHBORS = 30

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.measure import Seconds
+from rm3d_plugin.experiments.benchmarks.measure import Seconds
 
 SOURCE = Path(__file__).with_name('pcl_peer.cpp')
 PARTS = ('common', 'octree', 'search', 'kdtree', 'features', 'segmentation')

@@ -14,8 +14,8 @@ import numpy as np
 from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
-from benchmarks.measure import forget_peak, machine, memory_mb
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.experiments.benchmarks.measure import forget_peak, machine, memory_mb
 from rm3d_plugin.labeling.round_times import Stopwatch
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.storage import LabelStore, read_json, write_json
@@ -24,7 +24,7 @@ from rm3d_plugin.storage.ply import write_ply
 NAME = 'large-scene'
 HELP = 'labels of round 0, steps of a crop, a refresh and a prediction of one scan in UTM coordinates without colour'
 CONFIG = Path(__file__).resolve().parents[2] / 'configs' / 'rm3d_sem_files_clicks.py'
-CHILD = 'import json, sys; from benchmarks.large_scene import one; print(json.dumps(one(*map(int, sys.argv[1:]))))'
+CHILD = f'import json, sys; from {__name__} import one; print(json.dumps(one(*map(int, sys.argv[1:]))))'
 UTM = (448_263.4, 5_411_932.7, 312.9)  # m
 CLASSES = ('ground', 'wall', 'roof')
 BLOCK, HOUSE, HEIGHT = 20.0, 8.0, 6.0  # m: of ground, of the house in its middle

@@ -8,11 +8,11 @@ import tempfile
 import time
 from typing import Any
 
-from benchmarks.measure import machine
+from rm3d_plugin.experiments.benchmarks.measure import machine
 
 NAME = 'first-call'
 HELP = 'seconds that the first run of the geometry path spends in compiling its kernels'
-CHILD = 'from benchmarks.first_call import geometry; geometry()'
+CHILD = f'from {__name__} import geometry; geometry()'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,8 +44,8 @@ def _timed(environment: dict[str, str]) -> dict[str, float]:
 
 def geometry() -> None:
     """Prepare a room once with each histogram descriptor and over-segmenter."""
-    from benchmarks.clouds import room
     from rm3d_plugin.descriptors import FPFH, SHOT, AdaptedPFH
+    from rm3d_plugin.experiments.benchmarks.clouds import room
     from rm3d_plugin.oversegmentation import VCCS, RegionGrowing
     from rm3d_plugin.regions.prepare import prepare_scene
     from rm3d_plugin.structures import PointCloud
