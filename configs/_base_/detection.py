@@ -129,8 +129,7 @@ dice_loss = dict(type='ProposalDice', loss=dict(type='DiceLoss'))
 scene_class_loss = dict(type='SceneClasses', num_classes='${num_classes}')
 
 # --- Labels: how points become regions, regions merge and groups become boxes (METHOD 3, 5, 6)
-budget = '1pct'  # docs/label_budgets.md
-budget_seed = '${seed}'
+budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 graph_neighbors = 8
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it, and axis-aligned boxes
 self_training = None

@@ -182,8 +182,7 @@ instance_offsets = dict(type='InstanceOffsets', loss=dict(type='OffsetLoss', los
 instance_dice = dict(type='InstanceDice', loss=dict(type='DiceLoss', loss_weight='${dice_weight}'))
 
 # --- Labels: how points become regions and regions merge (METHOD 3, 5, 6), with lengths for 1 to 5 cm between points.
-budget = '0p2pct'  # docs/label_budgets.md
-budget_seed = '${seed}'
+budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 descriptor = dict(type='AdaptedPFH', radius=0.1)
 oversegmenter = dict(type='RegionGrowing', zeta=0.015, max_color_step=0.2)
 region_seeds = 'none'  # 'annotated': regions grow from the annotated points first; then each budget has its own
@@ -197,7 +196,7 @@ region_prior = dict(gamma=0.6)  # of prior and network together
 ground = None
 self_training = None
 label_maker = dict(
-    type='SegmentationLabelMaker',
+    type='point_label_maker',
     store='${work_dir}/labels',
     cache='${cache_dir}',
     source=dict(

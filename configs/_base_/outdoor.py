@@ -155,8 +155,7 @@ aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
 
 # --- Labels: how points become regions and regions merge (METHOD 3, 5, 6). The ground, which has classes too, is cut into
 # squares; what stands on it grows. How many of the first labels are right on real scans: docs/RESULTS.md.
-budget = '0p2pct'  # docs/label_budgets.md
-budget_seed = '${seed}'
+budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 descriptor = dict(type='AdaptedPFH', radius=0.4, range_growth=0.1, max_neighbors=48)
 oversegmenter = dict(
     type='GroundPatches',
@@ -189,7 +188,7 @@ region_prior = dict(
 ground = dict(min_upright=0.95)
 self_training = None
 label_maker = dict(
-    type='SegmentationLabelMaker',
+    type='point_label_maker',
     store='${work_dir}/labels',
     cache='${cache_dir}',
     source=dict(

@@ -92,7 +92,7 @@ def _read(path: Path) -> Config:
     try:
         with shipped_bases():
             config = Config.fromfile(str(path), import_custom_modules=False)
-    except (SyntaxError, NameError, FileNotFoundError, KeyError) as error:
+    except (SyntaxError, NameError, FileNotFoundError, KeyError, TypeError) as error:
         raise ConfigError(f'{path}: cannot be read as a config ({type(error).__name__}: {error})') from error
     _refuse_old_names([*_dotted(config), *_dotted(config.get('demo') or {})], f'{path}: ')
     return config

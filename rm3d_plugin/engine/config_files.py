@@ -67,7 +67,7 @@ def similar(name: str | Path) -> str:
 
 @contextmanager
 def shipped_bases() -> Iterator[None]:
-    """Within this block ``_base_ = 'rm3d_plugin::NAME.py'`` is read; mmengine knows packages of its own family alone."""
+    """Within this block ``_base_ = 'rm3d_plugin::NAME.py'`` is read; mmengine reads its own family's packages alone."""
     mmengines = Config._get_cfg_path
 
     def path_and_scope(base: str, filename: str) -> tuple[str, str | None]:

@@ -9,6 +9,12 @@ RENAMED: dict[str, str] = {
     'voxel_thin': 'voxel_downsample',
     'region_share': 'superpoint_smoothing',
     'prior_power': 'logit_adjustment',
+    'votes': 'tta_rotations',
+    'model.inference.votes': 'model.inference.tta_rotations',
+    'drops': '',
+    'restarts': '',
+    'point_group.offset_loss': 'instance_offsets',
+    'point_group.min_instance_points': 'instance_offsets.min_points',
     'gamma': 'region_prior.gamma',
     'level_reach': 'ground.max_distance',
     'rules': 'objects',
@@ -61,6 +67,8 @@ RENAMED: dict[str, str] = {
 """Old dotted key -> new one; '' where the option is gone."""
 
 HINTS: dict[str, str] = {
+    'drops': "param_scheduler='${step_schedule}' with milestones of your own",
+    'restarts': "param_scheduler='${step_schedule}' with milestones of your own",
     'strategy.use_color': 'merge.without=[color]',
     'strategy.use_scale': 'merge.without=[scale]',
     'strategy.use_descriptor': 'merge.without=[descriptor]',
@@ -68,7 +76,7 @@ HINTS: dict[str, str] = {
     'strategy.use_normal_affinity': 'merge.lambda_normal=0',
     'strategy.use_descriptor_affinity': 'merge.lambda_descriptor=0',
     'strategy.permanent': 'a number lets labels fall, None keeps them',
-    'strategy.mixed_regions': 'a dict: the nearest annotated point names each point of a mixed region; None: the majority',
+    'strategy.mixed_regions': 'a dict: the nearest annotated point decides in mixed regions; None: the majority',
     'strategy.near_place': 'half a metre counts as much as a colour difference of .16',
     'strategy.near_color': 'half a metre counts as much as a colour difference of .16',
     'strategy.region_prior': 'a dict of its fields: on; None: off',
