@@ -71,7 +71,9 @@ def test_nothing_to_resume_and_other_data_are_told(tmp_path):
     source().open(tmp_path, resume=False)
     denser = source(density=2)
     denser.open(tmp_path, resume=True)
-    with pytest.raises(BudgetError, match='scene room0: the label budget was drawn from .* voxel downsampling or data changed'):
+    with pytest.raises(
+        BudgetError, match='scene room0: the label budget was drawn from .* voxel downsampling or data changed'
+    ):
         denser.annotated_labels(0)
 
 
