@@ -175,7 +175,7 @@ def score_scan(scan: Scan, request: Request) -> PropagationScores:
 
 
 def labels_alone(config: Any, work_dir: Path) -> dict[str, float]:
-    """Score in percent (mIoU) of labels where no network is asked in the end, by the columns of :class:`PropagationScores`.
+    """Score (mIoU, percent) of labels where no network is asked in the end, by column of :class:`PropagationScores`.
 
     Args:
         config: Of a run whose scenes are scored.
