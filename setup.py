@@ -17,7 +17,10 @@ setup(
     python_requires='>=3.11,<3.13',
     packages=[*find_packages(include=['rm3d_plugin', 'rm3d_plugin.*']), *CONFIGS],
     package_dir={'rm3d_plugin.configs': 'configs'},  # `rm3d_plugin::NAME.py` needs no checkout
-    package_data={'rm3d_plugin': ['py.typed'], 'rm3d_plugin.experiments.benchmarks': ['*.cpp']},
+    package_data={
+        'rm3d_plugin': ['py.typed', 'baselines/*/README.md'],
+        'rm3d_plugin.experiments.benchmarks': ['*.cpp'],
+    },
     entry_points={'console_scripts': ['rm3d = rm3d_plugin.commands.main:main']},
     install_requires=[
         'torch>=2.6',
