@@ -38,7 +38,7 @@ def overlap_of_sample(sample: Any, classes: Sequence[int], metric: str) -> Insta
     truth = point_truth(fields, masks.shape[1], metric)
     if truth.instance is None:
         raise SceneError(f'{metric}: scene {fields.get("scene_id", "")}: the sample has no pts_instance_mask')
-    whole = truth.spread(masks.astype(bool).T, False).T
+    whole = truth.scatter(masks.astype(bool).T, False).T
     try:
         return instance_overlap(truth.semantic, truth.instance, whole, labels, scores, classes)
     except ValueError as error:

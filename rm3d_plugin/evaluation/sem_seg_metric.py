@@ -69,7 +69,7 @@ class SemSegMetric(BaseMetric):
                 fields_of(fields, ['pred_point_probs'], 'SemSegMetric')
                 rows = predicted_classes(numpy_of(fields['pred_point_probs']))
             truth = point_truth(fields, len(rows), 'SemSegMetric')
-            self.results.append(confusion_counts(truth.spread(rows, -1), truth.semantic, count, self.ignored))
+            self.results.append(confusion_counts(truth.scatter(rows, -1), truth.semantic, count, self.ignored))
 
     def compute_metrics(self, results: list[np.ndarray]) -> dict[str, float]:
         """The flat numbers over all scenes; the table goes to the log."""

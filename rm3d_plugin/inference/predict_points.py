@@ -21,6 +21,7 @@ from rm3d_plugin.inference.predict_formats import ScanPrediction, check_format, 
 from rm3d_plugin.inference.trained import TrainedNetwork
 from rm3d_plugin.models.heads.proposals import Instances
 from rm3d_plugin.models.segmentors.scene_inference import Flip
+from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.storage.scans import ColorRange, read_scan
 from rm3d_plugin.structures import PointCloud, SceneError
@@ -134,10 +135,10 @@ class Segmenter:
         except ValueError as error:
             raise SceneError(f'{name}: {error}') from error
         kept = len(thin.kept)
-        probs = _on_points(sample.pred_point_probs.numpy(), sample.point_index.numpy(), kept)
+        probs = scatter_rows(sample.pred_point_probs.numpy(), sample.point_index.numpy(), kept, fill=0)
         found = None
         if 'pred_instance_masks' in sample:
-            masks = _on_points(sample.pred_instance_masks.numpy().T, sample.point_index.numpy(), kept).T
+            masks = scatter_rows(sample.pred_instance_masks.numpy().T, sample.point_index.numpy(), kept, fill=0).T
             found = Instances(
                 masks[:, thin.rows], sample.pred_instance_labels.numpy(), sample.pred_instance_scores.numpy()
             )
@@ -182,15 +183,6 @@ def keep_labels(
         )
     known = own.semantic >= 0
     return np.where(known, own.semantic, semantic), np.where(known, own.confidence, confidence)
-
-
-def _on_points(rows: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
-    """Rows on the points they are about; zeros elsewhere."""
-    if len(rows) == count and np.array_equal(index, np.arange(count)):
-        return rows
-    out = np.zeros((count, *rows.shape[1:]), dtype=rows.dtype)
-    out[index] = rows
-    return out
 
 
 def _is(dataset: Mapping[str, Any], kind: str) -> bool:

@@ -11,11 +11,13 @@ from rm3d_plugin.storage.files import (
     write_npz,
     write_text,
 )
+from rm3d_plugin.storage.fingerprint import Fingerprinted
 from rm3d_plugin.storage.label_store import LabelStore, LabelStoreError, SceneEntry
 from rm3d_plugin.storage.scene_cache import SceneCache
 
 __all__ = [
     'DamagedFileError',
+    'Fingerprinted',
     'LabelStore',
     'LabelStoreError',
     'SceneCache',
