@@ -2,10 +2,10 @@
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from rm3d_plugin.engine.run import add_config_arguments, config_of, evaluate, exit_code
-from rm3d_plugin.evaluation.functional.kitti_table import format_table, table_rows
+from rm3d_plugin.engine.run import Evaluation, add_config_arguments, config_of, evaluate, exit_code
+from rm3d_plugin.evaluation.kitti_table import format_table
 from rm3d_plugin.evaluation.point_fields import format_columns
 
 
@@ -28,11 +28,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(metric_table(evaluate(config, args.checkpoint)))
 
 
-def metric_table(metrics: Mapping[str, float]) -> str:
+def metric_table(found: Evaluation) -> str:
     """Detection: a line for each class, metric and threshold; else a line for each number."""
-    if table_rows(metrics):
-        return format_table(metrics)
-    return format_columns(('metric', '%'), [(name, f'{value:.2f}') for name, value in metrics.items()])
+    boxes = [record for record in found.records if record.table == 'boxes']
+    if boxes:
+        return format_table(boxes)
+    return format_columns(('metric', '%'), [(name, f'{value:.2f}') for name, value in found.scores.items()])
 
 
 if __name__ == '__main__':

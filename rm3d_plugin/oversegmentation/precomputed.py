@@ -51,9 +51,10 @@ class Precomputed(Oversegmenter):
         """
         path = self.scene_file(scene)
         labels = self.labels if path is None else _read(path, scene)
-        if labels is None or labels.shape != (len(cloud),):
+        assert labels is not None  # one of the two was given
+        if labels.shape != (len(cloud),):
             where = 'Precomputed.labels' if path is None else str(path)
-            raise ValueError(f'{where}: expected shape ({len(cloud)},), one label a point, got {np.shape(labels)}')
+            raise ValueError(f'{where}: expected shape ({len(cloud)},), one label a point, got {labels.shape}')
         return labels
 
 

@@ -28,14 +28,14 @@ ROUNDS = [
         'coverage': 0.125,
         'truth_known': True,
         'points': {'Car': {'pseudo': 1234, 'precision': 0.875}, 'background': {'pseudo': 9, 'precision': None}},
-        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'right': 6, 'true': 26}},
+        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'correct': 6, 'true': 26}},
     },
     {
         'round': 5,
         'coverage': 0.5,
         'truth_known': False,
         'points': {},
-        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'right': 0}},
+        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'correct': 0}},
     },
 ]
 RUN = RunReport(

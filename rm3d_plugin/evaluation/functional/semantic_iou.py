@@ -127,8 +127,8 @@ def semantic_scores(
 
 
 def semantic_iou(
-    predictions: Iterable[Int[np.ndarray, ' points']],
-    truths: Iterable[Int[np.ndarray, ' points']],
+    predictions: Iterable[Int[np.ndarray, ' _points']],
+    truths: Iterable[Int[np.ndarray, ' _points']],
     num_classes: int,
     ignored: Sequence[int] = IGNORED,
     absent: Absent = 'skip',
