@@ -1,22 +1,35 @@
 """Shape annotations are checked at run time in every module without numba kernels, which cannot be wrapped."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
-from beartype import BeartypeConf, beartype
-from jaxtyping import config, install_import_hook
+from beartype import beartype
+from jaxtyping import AbstractArray, config, install_import_hook
 
 PACKAGE = Path(__file__).resolve().parents[1] / 'rm3d_plugin'
-typechecker = beartype(conf=BeartypeConf(is_pep484_tower=True))  # an int may stand where a float is expected
+FULLY = ('rm3d_plugin.structures', 'rm3d_plugin.models')  # every annotation, not only those of arrays
 _raises = pytest.raises
+
+
+def shapes(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Check the annotations of arrays; the others are mypy's, and a config has lists where a part says tuple."""
+    function.__annotations__ = {name: hint for name, hint in function.__annotations__.items() if _is_shape(hint)}
+    return beartype(function)
+
+
+def _is_shape(hint: Any) -> bool:
+    if isinstance(hint, type) and issubclass(hint, AbstractArray):
+        return True
+    return any(_is_shape(part) for part in get_args(hint))
 
 
 def install() -> None:
     """Check from now on, but not inside ``pytest.raises``: what the code itself says of wrong input is tested there."""
-    install_import_hook(checked_modules(), f'{__name__}.typechecker')
+    install_import_hook(list(FULLY), 'beartype.beartype')
+    install_import_hook([name for name in checked_modules() if name not in FULLY], f'{__name__}.shapes')
     pytest.raises = _raises_unchecked
 
 

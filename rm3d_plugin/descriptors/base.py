@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, final
+from typing import Any, ClassVar, Literal, Self, final
 
 import numpy as np
 from jaxtyping import Float
@@ -92,7 +92,7 @@ class Descriptor(Fingerprinted, ABC):
 
     @final
     @classmethod
-    def preset(cls, name: Literal['indoor', 'lidar']) -> 'Descriptor':
+    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
         """The descriptor with the numbers that suit a kind of scene.
 
         Raises:

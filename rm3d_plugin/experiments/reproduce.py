@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from rm3d_plugin.datasets.oakland_format import CLASSES as OAKLAND_CLASSES
 from rm3d_plugin.engine.config import ConfigError
@@ -120,7 +120,6 @@ TABLES = {
 }
 
 
-@runtime_checkable
 class Measure(Protocol):
     """What measures a table without training, see :func:`rm3d_plugin.experiments.overseg_table.descriptor_table`."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,7 +11,6 @@ from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
 
 
-@runtime_checkable
 class DenseTruth(Protocol):
     """Ground truth of a scene, as ``datasets.Truth`` holds it."""
 

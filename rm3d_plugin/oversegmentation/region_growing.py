@@ -1,7 +1,7 @@
 """Region growing on points: Algorithm 1 with Conditions 1 and 2 (METHOD 5)."""
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple, final
+from typing import Any, Literal, NamedTuple, Self, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -191,7 +191,7 @@ class RegionGrowing(Oversegmenter):
         self.normal_neighbors = normal_neighbors
 
     @classmethod
-    def preset(cls, name: Literal['indoor', 'lidar']) -> 'RegionGrowing':
+    def preset(cls, name: Literal['indoor', 'lidar']) -> Self:
         """The over-segmenter with the numbers that suit a kind of scene, see ``PRESETS``."""
         if name not in PRESETS:
             raise ValueError(f'RegionGrowing.preset: expected one of {sorted(PRESETS)}, got {name!r}')

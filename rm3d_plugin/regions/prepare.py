@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import dataclass, fields, replace
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Int
@@ -18,7 +18,6 @@ from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions
 TELL_FROM = 0.1  # share of a scene's points that are not described: from here on it is told
 
 
-@runtime_checkable
 class Descriptor(Protocol):
     """What a descriptor provider has to offer."""
 

@@ -102,9 +102,8 @@ def test_a_resumed_run_forgets_the_epochs_it_trains_again(tmp_path):
     record(tmp_path, ['1', '2', '3', '10'], ['2', '10'])
     hook = RunRecordHook()
     hook.before_train(runner_at(tmp_path, epoch=3))
-    assert sorted(hook.record['losses']) == ['1', '2', '3'] and list(hook.record['validation']) == list(
-        hook.record['records']
-    ) == ['2']
+    assert sorted(hook.record['losses']) == ['1', '2', '3'] and list(hook.record['validation']) == ['2']
+    assert list(hook.record['records']) == ['2']
     hook.before_train(runner_at(tmp_path, epoch=0))
     assert hook.record['losses'] == hook.record['validation'] == {}
 
