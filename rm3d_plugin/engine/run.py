@@ -23,7 +23,7 @@ from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
 from rm3d_plugin.evaluation.records import ScoreRecord, records_of
 from rm3d_plugin.ops import _parallel
 from rm3d_plugin.registry import DATASETS, SCOPE, TASK_UTILS
-from rm3d_plugin.storage import DamagedFileError, write_json
+from rm3d_plugin.storage import DamagedFileError, remove_unfinished, write_json
 from rm3d_plugin.structures import SceneError
 
 DEMO_NOTE = 'Demo data: the scenes are synthetic, scanned by virtual sensors; scores say nothing of real scans.'
@@ -84,8 +84,7 @@ def train(config: Config, resume: bool = False, amp: bool = False, launcher: str
     check_data(config, 'train_dataloader', 'val_dataloader')
     work_dir = Path(config.work_dir)
     if is_main_process():
-        for part in work_dir.glob('.*.tmp'):  # what a killed run was writing
-            part.unlink(missing_ok=True)
+        remove_unfinished(work_dir, '*')
     checkpoint = latest_checkpoint(work_dir) if resume else None
     if checkpoint is None:
         if resume:

@@ -139,7 +139,7 @@ def test_records_come_back_in_the_order_of_the_epochs(tmp_path):
 
 def test_the_latest_checkpoint_is_a_complete_one_of_the_highest_epoch(tmp_path):
     assert latest_checkpoint(tmp_path) is None and latest_checkpoint(tmp_path / 'absent') is None
-    for name in ('epoch_9.pth', 'epoch_10.pth', 'epoch_best.pth', '.epoch_11.pth.x.part', 'iter_99.pth'):
+    for name in ('epoch_9.pth', 'epoch_10.pth', 'epoch_best.pth', '.epoch_11.pth.1.x.tmp', 'iter_99.pth'):
         (tmp_path / name).write_bytes(b'')
     (tmp_path / 'last_checkpoint').write_text('')
     assert latest_checkpoint(tmp_path) == tmp_path / 'epoch_10.pth'
@@ -189,10 +189,10 @@ def test_a_schedule_that_keeps_a_function_is_saved_and_goes_on(tmp_path, several
 
 
 def test_a_new_run_sweeps_up_parts_of_checkpoints(tmp_path):
-    for name in ('.epoch_2.pth.abc.part', 'epoch_1.pth', 'notes.part'):
+    for name in ('.epoch_2.pth.1.abc.tmp', 'epoch_1.pth', 'notes.tmp'):
         (tmp_path / name).write_bytes(b'')
     SafeCheckpointHook().before_run(SimpleNamespace(work_dir=str(tmp_path)))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['epoch_1.pth', 'notes.part']
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['epoch_1.pth', 'notes.tmp']
 
 
 def test_weights_of_another_model_are_refused(tmp_path):

@@ -21,7 +21,7 @@ CAR = [0.0, 0, 0, 4, 2, 1.5, 0]
 def labels(semantic, instance=None, is_annotated=None, boxes=None, box_is_annotated=()):
     count = len(semantic)
     return PseudoLabels(
-        semantic=np.array(semantic),
+        semantic=np.array(semantic, dtype=np.int64),
         instance=np.full(count, -1) if instance is None else np.array(instance),
         point_is_annotated=np.zeros(count, dtype=bool) if is_annotated is None else np.array(is_annotated, dtype=bool),
         confidence=np.ones(count, dtype=np.float32),

@@ -71,6 +71,6 @@ def offset_error(
     distance = np.linalg.norm(centres - true_centres, axis=1)
     used = np.isfinite(distance) & (truth >= 0) & (truth < num_classes)
     return OffsetError(
-        np.bincount(truth[used], weights=distance[used], minlength=num_classes),
+        np.bincount(truth[used], weights=distance[used], minlength=num_classes).astype(np.float64),
         np.bincount(truth[used], minlength=num_classes),
     )
