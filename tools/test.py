@@ -15,13 +15,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add_config_arguments(parser)
     parser.add_argument('checkpoint', help='checkpoint of a training run')
     points = parser.add_argument_group('segmentation; the same keys as model.inference of a config')
-    points.add_argument('--votes', type=int, help='average over so many directions about z')
+    points.add_argument('--tta-rotations', type=int, help='average over so many directions about z')
     points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
     points.add_argument('--chunk', dest='chunk_size', type=float, metavar='METRES', help='in chunks of this edge')
     points.add_argument('--max-points', type=int, help='in chunks of at most so many points')
     args = parser.parse_args(arguments)
     config = config_of(args)
-    wanted = {name: getattr(args, name) for name in ('votes', 'flip', 'chunk_size', 'max_points')}
+    wanted = {name: getattr(args, name) for name in ('tta_rotations', 'flip', 'chunk_size', 'max_points')}
     wanted = {name: value for name, value in wanted.items() if value is not None}
     if wanted:
         config.model.inference = {**(config.model.get('inference') or {}), **wanted}

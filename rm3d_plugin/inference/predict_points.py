@@ -37,7 +37,7 @@ class PointOptions:
 
     Attributes:
         format: See :data:`rm3d_plugin.inference.predict_formats.FORMATS`.
-        votes: Directions from which a scan is read; None: as in the run's config.
+        tta_rotations: Directions from which a scan is read; None: as in the run's config.
         flip: 'both': from each direction mirrored, too; None: as in the run's config.
         max_points: Scans with more points are predicted in chunks; None: as in the run's config, else MAX_POINTS.
         chunk_size: Metres; edge of the chunks; None: as ``max_points`` allows.
@@ -50,7 +50,7 @@ class PointOptions:
     """
 
     format: str = 'ply'
-    votes: int | None = None
+    tta_rotations: int | None = None
     flip: Flip | None = None
     max_points: int | None = None
     chunk_size: float | None = None
@@ -96,7 +96,7 @@ class Segmenter:
         """
         dataset, model = network.config.val_dataloader.dataset, network.model
         check_format(options.format, network.classes)
-        wanted = {name: getattr(options, name) for name in ('votes', 'flip', 'max_points', 'chunk_size')}
+        wanted = {name: getattr(options, name) for name in ('tta_rotations', 'flip', 'max_points', 'chunk_size')}
         wanted = {name: value for name, value in wanted.items() if value is not None}
         if model.inference.max_points is None and model.inference.chunk_size is None and 'chunk_size' not in wanted:
             wanted.setdefault('max_points', MAX_POINTS)

@@ -1,4 +1,4 @@
-"""Sparse convolution and pooling as written on paper: for every output voxel, look every input voxel up."""
+"""Sparse convolution as written on paper: for every output voxel, look every input voxel up."""
 
 
 def neighbours_slowly(coords, targets, offsets, stride):
