@@ -29,6 +29,7 @@ setup(
         'matplotlib>=3.9',
         'numpy>=2,<2.6',
         'scipy>=1.13',
+        'cachetools>=5.3',
         'numba>=0.60',
         'omegaconf>=2.4',  # references within configs
         'robust-laplacian>=1.1',
