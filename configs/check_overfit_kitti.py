@@ -23,7 +23,7 @@ checkpoint_interval = 20
 param_scheduler = '${restart_schedule}'
 periods = [160]
 restart_weights = [1]
-model = dict(aug_loss=None)
+aug_loss = None
 train_dataloader = dict(dataset=dict(pipeline=[dict(type='DropGround'), dict(type='PackScene')]))
 val_dataloader = dict(dataset=dict(ann_file='ImageSets/train.txt'))
 demo = dict(

@@ -34,6 +34,6 @@ class LabelStatistics:
             )
         if not (np.isfinite(self.mean_sizes) & (self.mean_sizes > 0)).all():
             raise ValueError(
-                f'LabelStatistics.mean_sizes: expected positive metres, got {self.mean_sizes.tolist()}; give None where '
-                'a class has no size'
+                f'LabelStatistics.mean_sizes: expected positive metres, got {self.mean_sizes.tolist()}; give None '
+                'where a class has no size'
             )

@@ -6,15 +6,9 @@ model = dict(
     num_classes='${num_classes}',
     inputs=dict(columns='${point_columns}', use='${use_columns}', coordinates='${use_coordinates}'),
     backbone=dict(type='SparseUNet', voxel_size='${voxel_size}', widths='${widths}', blocks='${blocks}'),
-    semantic_head=dict(
-        type='SemanticHead',
-        balance='${class_balance}',
-        pseudo_weight='${pseudo_weight}',
-        annotated_share='${annotated_share}',
-    ),
+    semantic_head=dict(type='SemanticHead'),
     instance_head='${instance_head}',
-    aug_loss='${aug_loss}',
-    dice_loss='${dice_loss}',
+    losses='${losses}',
     thing_classes='${thing_classes}',
     inference=dict(
         first_angle='${first_angle}',
@@ -34,16 +28,30 @@ logit_adjustment = 0.0  # of the classes' annotated labels, at test time; larger
 first_angle = 0.0  # degrees by which a scene is turned before it is predicted
 use_coordinates = False  # True: the place in the scene too; crops then differ from whole scenes
 use_columns = '${point_columns}'  # []: a network that sees shapes only
+
+# L_Seg; variants/ins_*.py add those of instances. A loss that is None is left out, and one of your own is a further entry.
+losses = ['${point_loss}', '${aug_loss}', '${offset_loss}', '${dice_loss}']
+point_loss = dict(
+    type='WeakSupervision',
+    balance='${class_balance}',
+    power='${class_power}',
+    pseudo_weight='${pseudo_weight}',
+    annotated_share='${annotated_share}',
+)
 class_balance = 'none'  # 'frequency': by the annotated labels; 'batch': by the labels of a batch
+class_power = 0.5  # weight of a class = labels of it ^ -0.5
 pseudo_weight = 1.0  # of a label that the budget did not show
 annotated_share = None  # of L_WSL that annotated labels have, however few; None: all labels alike
-aug_loss = dict(type='JSAugLoss')
+aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
 aug_prob = 1.0  # share of scenes with a second view for that loss; smaller: faster
-dice_loss = None  # dict(type='DiceLoss', loss_weight='${dice_weight}') with instances
+offset_loss = None
+dice_loss = None
+offset_weight = 1.0  # of the offsets' loss, with instances; smaller: classes are learnt faster
+dice_weight = 1.0  # of the masks' loss
+
 instance_head = None
 point_group = dict(
     type='PointGroupHead',
-    offset_loss=dict(loss_weight='${offset_weight}'),
     proposals=dict(
         radius='${cluster_radius}',
         cluster_points='${cluster_points}',
@@ -52,8 +60,6 @@ point_group = dict(
         coordinates='both',
     ),
 )
-offset_weight = 1.0  # of the offsets' loss, with instances; smaller: classes are learnt faster
-dice_weight = 1.0  # of the masks' loss
 cluster_radius = 0.03  # m
 cluster_points = 50
 min_proposal_points = 100

@@ -3,7 +3,7 @@ model = dict(
     type='RM3DVoteNet',
     num_classes=3,
     heights=[-2.0, 1.0],
-    backbone=dict(type='SparseUNet', in_channels=4, voxel_size='${voxel_size}', widths='${widths}', blocks='${blocks}'),
+    backbone=dict(type='SparseUNet', voxel_size='${voxel_size}', widths='${widths}', blocks='${blocks}'),
     vote_head=dict(
         type='VoteHead',
         mean_sizes='${class_sizes}',
@@ -17,14 +17,21 @@ model = dict(
         far=[1.6, 0.9, 1.1],
         unlabelled_weight='${unlabelled_weight}',
     ),
-    point_loss=dict(
-        type='PointCrossEntropyLoss', loss_weight=10.0, balance=0.25, unlabelled_weight='${unlabelled_weight}'
-    ),
-    aug_loss=dict(type='JSAugLoss'),
-    dice_loss=dict(type='DiceLoss'),
-    scene_class_head=dict(type='SceneClassHead'),
+    losses='${losses}',
     fuse_iou=0.3,
 )
+# L_Det; a loss that is None is left out, and one of your own is a further entry.
+losses = ['${vote_loss}', '${point_loss}', '${aug_loss}', '${dice_loss}', '${scene_class_loss}']
+vote_loss = dict(type='VoteNetLoss', loss_weight=10.0)
+point_loss = dict(
+    type='WeakSupervision',
+    balance='batch',
+    power=0.25,
+    loss=dict(type='PointCrossEntropyLoss', loss_weight=10.0, unlabelled_weight='${unlabelled_weight}'),
+)
+aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
+dice_loss = dict(type='ProposalDice', loss=dict(type='DiceLoss'))
+scene_class_loss = dict(type='SceneClasses', num_classes=3)
 voxel_size = 0.1  # m
 widths = [32, 64, 96, 128]
 blocks = 2
