@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
@@ -20,7 +19,7 @@ from rm3d_plugin.pseudo_labels import AnnotatedLabels, ObjectRules, RefreshResul
 from rm3d_plugin.pseudo_labels.detection.boxes import size_priors
 from rm3d_plugin.pseudo_labels.detection.objects import Evidence, score_limits
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.structures import Boxes3D
+from rm3d_plugin.structures import Boxes3D, LabelStatistics
 
 JUDGED_SCENES = 200  # of each process; their predictions are kept in memory while a quota is found
 
@@ -83,9 +82,9 @@ class DetectionLabelMaker(LabelMaker):
         return np.bincount(labels, minlength=len(self.source.classes))
 
     def inform(self, model: Any) -> None:
-        """Tell the model the sizes of the annotated boxes, where it asks for them."""
-        if hasattr(model, 'set_mean_sizes') and np.isfinite(self.priors).all():
-            model.set_mean_sizes(torch.tensor(self.priors, dtype=torch.float32))
+        """Tell the model how many boxes of each class are annotated, and their sizes where all are known."""
+        sizes = self.priors if np.isfinite(self.priors).all() else None
+        model.set_label_statistics(LabelStatistics(self.class_counts, sizes))
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions, find objects, complete the boxes."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Int
 from tqdm import tqdm
 
@@ -33,7 +32,7 @@ from rm3d_plugin.pseudo_labels.segmentation.holdout import (
 from rm3d_plugin.regions import MergeLedger
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PseudoLabels
 
 Seeds = Literal['none', 'annotated']
 
@@ -153,9 +152,8 @@ class SegmentationLabelMaker(LabelMaker):
         return LevelLabels(np.where(level, previous.semantic, UNLABELLED), np.where(level, previous.confidence, 0.0))
 
     def inform(self, model: Any) -> None:
-        """Tell the model how often each class is annotated, where it asks for it."""
-        if hasattr(model, 'set_class_counts'):
-            model.set_class_counts(torch.from_numpy(self.class_counts))
+        """Tell the model how often each class is annotated."""
+        model.set_label_statistics(LabelStatistics(self.class_counts))
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions and spread what is known over them."""

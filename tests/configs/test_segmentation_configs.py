@@ -111,8 +111,9 @@ def test_references_keep_their_first_labels_and_learn_no_offset_from_few_points(
         return
     assert config.label_refreshes == 1 and not config.spread
     if '_ins_' in path.stem:
-        head = model_of(config).instance_head
-        taught, full = head.loss_part.loss_weight > 0, path.stem.endswith('full')
-        assert taught == path.stem.endswith(('full', '1pct')) and (config.dice_loss is None) != full
-        assert head.rules.coordinates == ('both' if taught else 'original')
-        assert head.min_instance_points == (10 if path.stem.endswith('1pct') else 1)
+        model, full = model_of(config), path.stem.endswith('full')
+        offsets = model.losses['InstanceOffsets']
+        taught = offsets.loss.loss_weight > 0
+        assert taught == path.stem.endswith(('full', '1pct')) and ('InstanceDice' in model.losses) == full
+        assert model.instance_head.rules.coordinates == ('both' if taught else 'original')
+        assert offsets.min_points == (10 if path.stem.endswith('1pct') else 1)

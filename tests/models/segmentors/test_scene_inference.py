@@ -13,7 +13,7 @@ from rm3d_plugin.models.segmentors.scene_inference import (
     view_matrices,
 )
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import LabelStatistics, SceneError
 
 
 def build(**changes):
@@ -100,8 +100,8 @@ def test_small_scenes_in_chunks_and_views():
 
 
 def test_pseudo_labels_are_predicted_from_one_side():
-    model = build(predict_points=True, inference=dict(tta_rotations=4))
-    plain = build(predict_points=True)
+    model, plain = build(inference=dict(tta_rotations=4)), build()
+    model.predict_points = plain.predict_points = True
     (sample,), (other,) = predict(model, make_room(0)), predict(plain, make_room(0))
     torch.testing.assert_close(sample.pred_point_probs, other.pred_point_probs, atol=1e-6, rtol=0)
 
@@ -165,7 +165,7 @@ def test_rare_classes_are_said_more_rarely_by_a_prior():
     model, plain, item = build(inference=dict(logit_adjustment=0.3)), build(), make_room(0)
     own = predict(plain, item)[0].pred_point_probs
     torch.testing.assert_close(predict(model, item)[0].pred_point_probs, own)  # nobody told any counts
-    model.set_class_counts(torch.tensor([1000, 10, 0]))
+    model.set_label_statistics(LabelStatistics(np.array([1000, 10, 0])))
     weighed = own.double() * torch.tensor([1000**0.3, 10**0.3, 1.0])
     expected = (weighed / weighed.sum(dim=1, keepdim=True)).float()
     torch.testing.assert_close(predict(model, item)[0].pred_point_probs, expected)

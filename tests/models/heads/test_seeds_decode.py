@@ -1,11 +1,8 @@
-import math
-
 import numpy as np
 import torch
 
 from rm3d_plugin.models.heads.box_coder import BoxPrediction
 from rm3d_plugin.models.heads.decode import class_scores, decode_scene, fuse_boxes
-from rm3d_plugin.models.heads.instance_masks import class_radii, soft_mask
 from rm3d_plugin.models.heads.seeds import choose_seeds
 
 
@@ -19,13 +16,6 @@ def test_seeds_prefer_foreground_then_spread():
     assert sorted(rows.tolist()) == [0, 1, 2, 3]  # too few likely ones: the next likeliest
     rows, offsets = choose_seeds(xyz, foreground, torch.tensor([0, 0, 5]), 9, 0.2)
     assert (len(rows), offsets.tolist()) == (5, [0, 0, 5])
-
-
-def test_class_radius_and_soft_mask_by_hand():
-    assert class_radii(torch.tensor([[3.0, 4.0, 1.0]])).tolist() == [2.5]
-    votes = torch.tensor([[0.0, 0, 0], [1.0, 0, 0]])
-    got = soft_mask(torch.tensor([0.5, 1.0]), votes, torch.zeros(1, 3), 2.0)  # s = 1
-    assert torch.allclose(got, torch.tensor([[0.5, math.exp(-0.5)]]))
 
 
 def prediction(centers, objectness, kinds):

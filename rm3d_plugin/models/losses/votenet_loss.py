@@ -5,10 +5,14 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from rm3d_plugin.models.heads.batch_labels import BatchLabels
+from rm3d_plugin.models.batch import Batch
+from rm3d_plugin.models.heads.batch_labels import BatchLabels, ProposalTargets
 from rm3d_plugin.models.heads.box_coder import BoxCode, BoxPrediction
-from rm3d_plugin.models.heads.vote_targets import ProposalTargets, VoteTargets
+from rm3d_plugin.models.heads.vote_targets import VoteTargets, vote_targets
+from rm3d_plugin.models.losses.loss_term import LossTerm
+from rm3d_plugin.models.outputs import DetectorOutput
 from rm3d_plugin.ops.grouping import batch_index
+from rm3d_plugin.registry import MODELS
 
 _OBJECTNESS_WEIGHTS = (0.2, 0.8)  # METHOD 7: cross-entropy weights of no object, object
 _EPS = 1e-6
@@ -92,3 +96,29 @@ def proposal_losses(
         'center': center_loss(prediction.centers, anchor_offsets, targets, labels),
         **box_losses(prediction, targets.positives, targets.code),
     }
+
+
+@MODELS.register_module()
+class VoteNetLoss(LossTerm):
+    """VoteNet's own loss, term by term.
+
+    10 (vote + .5 objectness + centre + .1 heading bin + heading + .1 size class + size + .1 class), METHOD 7.
+
+    Args:
+        loss_weight: The 10.
+        vote_balance: See :func:`vote_targets`.
+    """
+
+    needs = ('votes', 'targets')
+
+    def __init__(self, loss_weight: float = 10.0, vote_balance: float = 0.5) -> None:
+        super().__init__()
+        self.loss_weight, self.vote_balance = loss_weight, vote_balance
+
+    def forward(self, batch: Batch, outputs: DetectorOutput, labels: BatchLabels) -> dict[str, Tensor]:
+        """``loss_vote``, ``loss_objectness``, ``loss_center`` and so on."""
+        assert labels.targets is not None
+        said = outputs.votes
+        parts = {'vote': vote_loss(said.offsets, vote_targets(batch.xyz, labels, self.vote_balance))}
+        parts.update(proposal_losses(said.prediction, said.anchor_offsets, labels.targets, labels))
+        return {f'loss_{name}': self.loss_weight * value for name, value in parts.items()}
