@@ -108,7 +108,7 @@ def test_a_row_a_scan_and_their_mean(tmp_path, monkeypatch):
     assert folders == [
         f'oakland_{name}{what}_seed3'
         for name in ('a', 'b')
-        for what in ('_label_refreshes-1_spread-False', '', '_strategy-paper')
+        for what in ('_label_refreshes-1_propagate-False', '', '_strategy-paper')
     ]
 
 
