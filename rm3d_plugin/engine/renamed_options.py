@@ -68,7 +68,7 @@ HINTS: dict[str, str] = {
     'strategy.use_normal_affinity': 'merge.lambda_normal=0',
     'strategy.use_descriptor_affinity': 'merge.lambda_descriptor=0',
     'strategy.permanent': 'a number lets labels fall, None keeps them',
-    'strategy.mixed_regions': 'a dict: the nearest annotated point names each point of a mixed region; None: the majority',
+    'strategy.mixed_regions': 'a dict: the nearest annotated point decides in mixed regions; None: the majority',
     'strategy.near_place': 'half a metre counts as much as a colour difference of .16',
     'strategy.near_color': 'half a metre counts as much as a colour difference of .16',
     'strategy.region_prior': 'a dict of its fields: on; None: off',

@@ -27,10 +27,11 @@ CONFIGS = Path(__file__).resolve().parents[2] / 'configs'
 OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
 SETTINGS = """
     rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline crop_points
-    point_columns voxel_size widths blocks class_power gamma strategy oversegmenter batch_size votes
+    point_columns voxel_size widths blocks class_power strategy oversegmenter batch_size votes
     superpoint_smoothing logit_adjustment
 """.split()  # of those that are about scans with few labels, not about a data set
-METHODS: dict[str, dict[str, Any]] = {'weak': {'spread': False, 'label_refreshes': 1}, 'rm3d': {}}
+RULES = ('merge', 'propagation', 'region_prior', 'ground', 'self_training')
+METHODS: dict[str, dict[str, Any]] = {'weak': {'propagate': False, 'label_refreshes': 1}, 'rm3d': {}}
 SCORED = [
     {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'keep_labels': True},
     {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'prefix': 'network'},
@@ -149,15 +150,25 @@ def run_config(scan: Scan, work_dir: Path, options: Mapping[str, Any]) -> Any:
         options: Further config keys; they win.
     """
     own = Config.fromfile(str(CONFIGS / f'{OWN_SCANS}.py'))
-    keys = {name: own[name] for name in SETTINGS} | {
-        'budget': BUDGET,
-        'val_evaluator': SCORED,
-        'voxel_downsample': None,
-    }
+    whole = {name: _replacing(own[name]) for name in RULES}  # nothing of the leaf's own
+    keys = (
+        {name: own[name] for name in SETTINGS}
+        | whole
+        | {
+            'budget': BUDGET,
+            'val_evaluator': SCORED,
+            'voxel_downsample': None,
+        }
+    )
     init_default_scope(SCOPE)
     config = load_config(CONFIGS / f'{scan.config}.py', work_dir, options=keys | dict(scan.options) | dict(options))
     set_threads(int(config.threads))
     return config
+
+
+def _replacing(rules: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Rules that take the place of those of a leaf, whatever it has."""
+    return None if rules is None else {**rules, '_delete_': True}
 
 
 def labels_alone(config: Any, work_dir: Path) -> dict[str, float]:

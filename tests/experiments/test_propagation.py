@@ -42,7 +42,7 @@ def test_every_scan_gets_the_settings_of_own_scans(tmp_path):
     own = load_config(CONFIGS / 'rm3d_sem_files_clicks.py', tmp_path)
     for name, data in (('rm3d_sem_oakland_1pct', 'Oakland'), ('rm3d_sem_semantickitti_few_1pct', 'SemanticKitti')):
         config = run_config(Scan('a', name), tmp_path, {'threads': 1})
-        for key in ('sigma', 'voxel_size', 'gamma', 'strategy', 'train_pipeline', 'point_columns'):
+        for key in ('sigma', 'voxel_size', 'merge', 'propagation', 'region_prior', 'train_pipeline', 'point_columns'):
             assert config[key] == own[key]
         assert config.oversegmenter.rest == own.oversegmenter.rest
         dataset = config.val_dataloader.dataset
