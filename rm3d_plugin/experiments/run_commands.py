@@ -9,23 +9,24 @@ from typing import Any
 from mmengine.config import DictAction
 
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.config_files import find_config
 
-_ROOT = Path(__file__).resolve().parents[2]
+_RM3D = (sys.executable, '-m', 'rm3d_plugin')
 
 
 def config_path(config: str) -> Path:
-    """The file of a config: a leaf's name, or the file itself."""
-    return Path(config) if config.endswith('.py') else _ROOT / 'configs' / f'{config}.py'
+    """The file of a config: the name of one that comes with RM3D, or the file itself."""
+    return find_config(config)
 
 
 def train_command(config: str) -> list[str]:
     """What trains by a config; further arguments follow."""
-    return [sys.executable, str(_ROOT / 'tools' / 'train.py'), str(config_path(config))]
+    return [*_RM3D, 'train', str(config_path(config))]
 
 
 def test_command(config: str, checkpoint: str) -> list[str]:
     """What scores a checkpoint by a config; further arguments follow."""
-    return [sys.executable, str(_ROOT / 'tools' / 'test.py'), str(config_path(config)), checkpoint]
+    return [*_RM3D, 'test', str(config_path(config)), checkpoint]
 
 
 def option_texts(options: Mapping[str, Any]) -> dict[str, str]:

@@ -7,20 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
+from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, PointPrediction, SceneLabels
-from rm3d_plugin.labeling.round_summary import summarise
+from rm3d_plugin.labeling.round_summary import summarise_boxes
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, ObjectRules, RefreshResult, refresh_detection
-from rm3d_plugin.pseudo_labels.common.quality import SceneTruth
 from rm3d_plugin.pseudo_labels.detection.boxes import size_priors
 from rm3d_plugin.pseudo_labels.detection.objects import Evidence, score_limits
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.structures import Boxes3D
+from rm3d_plugin.structures import Boxes3D, LabelStatistics
 
 JUDGED_SCENES = 200  # of each process; their predictions are kept in memory while a quota is found
 
@@ -83,9 +82,9 @@ class DetectionLabelMaker(LabelMaker):
         return np.bincount(labels, minlength=len(self.source.classes))
 
     def inform(self, model: Any) -> None:
-        """Tell the model the sizes of the annotated boxes, where it asks for them."""
-        if hasattr(model, 'set_mean_sizes') and np.isfinite(self.priors).all():
-            model.set_mean_sizes(torch.tensor(self.priors, dtype=torch.float32))
+        """Tell the model how many boxes of each class are annotated, and their sizes where all are known."""
+        sizes = self.priors if np.isfinite(self.priors).all() else None
+        model.set_label_statistics(LabelStatistics(self.class_counts, sizes))
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions, find objects, complete the boxes."""
@@ -130,9 +129,9 @@ class DetectionLabelMaker(LabelMaker):
         )
 
     def summarise_round(self, number: int) -> dict[str, Any]:
-        """Coverage and precision of the points, and which pseudo boxes are right."""
+        """Coverage and precision of the points, and which pseudo boxes are correct."""
         scenes = [(self.store.read(scene, number), self._truth(index)) for scene, index in self.index_of.items()]
-        return summarise(scenes, self.source.classes)
+        return summarise_boxes(scenes, self.source.classes)
 
     def _annotated(self, scene_id: str) -> AnnotatedLabels:
         if scene_id not in self._known:
@@ -145,7 +144,7 @@ class DetectionLabelMaker(LabelMaker):
             return None
         cloud = self.source.load_cloud(index)
         ranges = None if cloud.sensor is None else np.linalg.norm(cloud.xyz - cloud.sensor, axis=1)
-        return SceneTruth(truth.semantic, truth.boxes, ranges)
+        return SceneTruth(truth.semantic, boxes=truth.boxes, ranges=ranges)
 
 
 def _joined(parts: Sequence[Boxes3D]) -> Boxes3D:

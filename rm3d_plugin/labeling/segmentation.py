@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Int
 from tqdm import tqdm
 
+from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, PointPrediction, SceneLabels
-from rm3d_plugin.labeling.round_summary import PointTruth, summarise_points
+from rm3d_plugin.labeling.round_summary import summarise_points
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, refresh_points
 from rm3d_plugin.pseudo_labels.common.groups import point_values
@@ -32,7 +32,7 @@ from rm3d_plugin.pseudo_labels.segmentation.holdout import (
 from rm3d_plugin.regions import MergeLedger
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PseudoLabels
 
 Seeds = Literal['none', 'annotated']
 
@@ -152,9 +152,8 @@ class SegmentationLabelMaker(LabelMaker):
         return LevelLabels(np.where(level, previous.semantic, UNLABELLED), np.where(level, previous.confidence, 0.0))
 
     def inform(self, model: Any) -> None:
-        """Tell the model how often each class is annotated, where it asks for it."""
-        if hasattr(model, 'set_class_counts'):
-            model.set_class_counts(torch.from_numpy(self.class_counts))
+        """Tell the model how often each class is annotated."""
+        model.set_label_statistics(LabelStatistics(self.class_counts))
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions and spread what is known over them."""
@@ -213,12 +212,12 @@ class SegmentationLabelMaker(LabelMaker):
         """Coverage and precision of each class, and how far the centres of instances are off."""
         return summarise_points(self._judged(number), self.source.classes)
 
-    def _judged(self, number: int) -> Iterator[tuple[PseudoLabels, PointTruth | None]]:
+    def _judged(self, number: int) -> Iterator[tuple[PseudoLabels, SceneTruth | None]]:
         for scene, index in self.index_of.items():
             truth = self.source.truth(index)
             known = None
             if truth is not None and truth.semantic is not None:
-                known = PointTruth(self.source.load_cloud(index).xyz, truth.semantic, truth.instance)
+                known = SceneTruth(truth.semantic, truth.instance, self.source.load_cloud(index).xyz)
             yield self.store.read(scene, number), known
 
 

@@ -2,6 +2,7 @@
 
 from rm3d_plugin.regions.ledger import MergeLedger, Reason
 from rm3d_plugin.regions.merge import MergeResult, merge
-from rm3d_plugin.regions.strategy import MergeStrategy, TermWeights
+from rm3d_plugin.regions.rules import MergeRules, TermWeights
+from rm3d_plugin.regions.strategy import MergeStrategy
 
-__all__ = ['MergeLedger', 'MergeResult', 'MergeStrategy', 'Reason', 'TermWeights', 'merge']
+__all__ = ['MergeLedger', 'MergeResult', 'MergeRules', 'MergeStrategy', 'Reason', 'TermWeights', 'merge']

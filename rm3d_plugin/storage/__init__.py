@@ -8,10 +8,13 @@ from rm3d_plugin.storage.files import (
     hash_arrays,
     read_json,
     read_npz,
+    remove_unfinished,
+    write_bytes,
     write_json,
     write_npz,
     write_text,
 )
+from rm3d_plugin.storage.fingerprint import Fingerprinted
 from rm3d_plugin.storage.label_store import LabelStore, LabelStoreError, SceneEntry
 from rm3d_plugin.storage.scene_cache import SceneCache
 
@@ -19,6 +22,7 @@ __all__ = [
     'Click',
     'ClickFileError',
     'DamagedFileError',
+    'Fingerprinted',
     'LabelStore',
     'LabelStoreError',
     'SceneCache',
@@ -30,6 +34,8 @@ __all__ = [
     'read_clicks',
     'read_json',
     'read_npz',
+    'remove_unfinished',
+    'write_bytes',
     'write_clicks',
     'write_json',
     'write_npz',

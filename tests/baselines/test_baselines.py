@@ -10,7 +10,7 @@ from rm3d_plugin.experiments.run_commands import config_path
 @pytest.mark.parametrize('baseline', BASELINES.values(), ids=list(BASELINES))
 def test_the_readme_says_what_it_is(baseline):
     text = baseline.readme.read_text()
-    for part in ('**What it is.**', '**Source.**', '**What differs from RM3D.**', '**Labels.**', 'tools/train.py'):
+    for part in ('**What it is.**', '**Source.**', '**What differs from RM3D.**', '**Labels.**', 'rm3d train'):
         assert part in text
     for options in baseline.options.values():
         assert all(f'`{key} = {value!r}`' in text for key, value in options.items())
@@ -43,6 +43,6 @@ def test_the_config_is_that_of_rm3d_with_the_options(tmp_path, baseline, task, d
     theirs = load_config(config_path(baseline.config(task, data, budget)), tmp_path, demo)
     apart = {'config_name'}
     if task == 'ins':  # how labels pass to regions, which none does here
-        apart |= {'strategy', 'label_maker', 'custom_hooks'}
+        apart |= {'region_prior', 'label_maker', 'custom_hooks'}
     left = {key: value for key, value in ours.to_dict().items() if key not in apart}
     assert left == {key: value for key, value in theirs.to_dict().items() if key not in apart}

@@ -52,9 +52,9 @@ def test_a_row_builds_and_differs_from_its_base(base, text, tmp_path):
         if key.startswith('strategy.'):
             assert getattr(made.strategy, key.partition('.')[2]) == value
     if 'MSE' in text:
-        assert type(model.aug_loss) is MSEAugLoss
+        assert type(model.losses['ViewConsistency'].loss) is MSEAugLoss
     if 'aug_loss=None' in text:
-        assert model.aug_loss is None
+        assert list(model.losses) == ['WeakSupervision', 'InstanceOffsets', 'InstanceDice']
 
 
 def test_the_page_has_all_rows_of_the_papers_tables():

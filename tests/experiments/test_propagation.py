@@ -51,7 +51,7 @@ def test_every_scan_gets_the_settings_of_own_scans(tmp_path):
         leaf = write_leaf(Scan(f'A scan/{data}', name, {'threads': 1}), tmp_path)
         assert leaf.name == f'a_scan_{data.lower()}.py'
         config = load_config(leaf, tmp_path)
-        for key in ('sigma', 'voxel_size', 'gamma', 'strategy', 'train_pipeline', 'point_columns'):
+        for key in ('sigma', 'voxel_size', 'propagation', 'region_prior', 'ground', 'train_pipeline', 'point_columns'):
             assert config[key] == own[key]
         assert config.oversegmenter.rest == own.oversegmenter.rest
         dataset = config.val_dataloader.dataset
@@ -108,7 +108,7 @@ def test_a_row_a_scan_and_their_mean(tmp_path, monkeypatch):
     assert folders == [
         f'oakland_{name}{what}_seed3'
         for name in ('a', 'b')
-        for what in ('_label_refreshes-1_spread-False', '', '_strategy-paper')
+        for what in ('_label_refreshes-1_propagate-False', '', '_strategy-paper')
     ]
 
 

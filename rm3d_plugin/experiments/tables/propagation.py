@@ -30,8 +30,8 @@ SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
 OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
 SETTINGS = """
     rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline crop_points
-    point_columns voxel_size widths blocks class_power gamma strategy oversegmenter batch_size votes
-    superpoint_smoothing logit_adjustment
+    point_columns voxel_size widths blocks class_power oversegmenter batch_size tta_rotations superpoint_smoothing
+    logit_adjustment strategy merge propagation region_prior ground self_training
 """.split()  # of those that are about scans with few labels, not about a data set
 SCORED = [
     {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'keep_labels': True},
@@ -141,7 +141,7 @@ def write_leaf(scan: Scan, folder: Path) -> Path:
         folder: Where ``NAME.py`` is written.
     """
     own = Config.fromfile(str(config_path(OWN_SCANS)))
-    keys = {name: own[name] for name in SETTINGS}
+    keys = {name: _whole(own[name]) for name in SETTINGS}
     keys |= {'budget': BUDGET, 'val_evaluator': SCORED, 'voxel_downsample': None, **scan.options}
     plain = Config(keys).to_dict()
     lines = [
@@ -151,6 +151,11 @@ def write_leaf(scan: Scan, folder: Path) -> Path:
     ]
     name = scan.name.replace(' ', '_').replace('/', '_').lower()
     return write_text(folder / f'{name}.py', '\n'.join(lines) + '\n')
+
+
+def _whole(value: Any) -> Any:
+    """A dict takes the place of that of the leaf, instead of being merged into it."""
+    return {'_delete_': True, **value} if isinstance(value, Mapping) else value
 
 
 def score_scan(scan: Scan, request: Request) -> PropagationScores:

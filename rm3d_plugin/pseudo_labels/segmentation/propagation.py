@@ -1,5 +1,6 @@
 """How far the annotated points of a scene speak for the regions they lie in."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,34 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from rm3d_plugin.structures import UNLABELLED
+from rm3d_plugin.structures.check_field import check_positive, check_switches
+
+
+@dataclass(frozen=True)
+class PropagationRules:
+    """How far an annotated point names the points of its region; without these rules it names all, by majority.
+
+    In a region with annotated points of several classes each point takes the class of the one that is nearest in place
+    and colour. Segmentation only.
+
+    Attributes:
+        max_color: RGB difference, of 1, from the near and alike annotated point of a region up to which its points take
+            an annotated class; the rest of the region asks the network. Smaller: fewer and purer labels. None: no
+            limit. Of coloured scans only.
+        max_extent: An annotated point names its region only where that is at most this many times as long as the
+            regions of its class usually are (their median over all training scenes); else itself alone, and the region
+            asks the network. Smaller: fewer and purer labels. None: no limit.
+        new_instances: A group of a thing class in which no instance was annotated is an instance of its own. False: its
+            points are of no known instance, so that pieces of an object do not teach offsets to their own middles.
+    """
+
+    max_color: float | None = None
+    max_extent: float | None = None
+    new_instances: bool = True
+
+    def __post_init__(self) -> None:
+        check_positive(self, 'max_color', 'max_extent', optional=True)
+        check_switches(self, 'new_instances')
 
 
 class SeededRegions(NamedTuple):
