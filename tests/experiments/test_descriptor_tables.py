@@ -124,6 +124,7 @@ def test_files_of_both_tables(rooms, tmp_path, monkeypatch):
         text = to_markdown(make_table(name, request))
         assert (tmp_path / f'{name}.md').read_text() == text
         assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+        assert (tmp_path / 'measured' / f'{name}_toy.json').is_file()
     saved = list(csv.DictReader((tmp_path / 'descriptors-overseg.csv').read_text().splitlines()))
     assert [row['pose'] for row in saved] == list(POSES) and 0 < float(saved[0]['f1']) < 1
     lines = (tmp_path / 'robustness-card.csv').read_text().splitlines()

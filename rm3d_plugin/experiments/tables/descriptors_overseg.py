@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import add
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -13,6 +13,7 @@ from jaxtyping import Int
 from rm3d_plugin.descriptors import Descriptor
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.functional.boundary import BoundaryCounts, boundary_counts, scores_of
+from rm3d_plugin.experiments.kept import kept_rows, scenes_asked
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
 from rm3d_plugin.experiments.scenes import Collection, TableScene, load_collections, random_turn, turned
 from rm3d_plugin.experiments.spec import Request
@@ -96,7 +97,7 @@ class Parts:
 
 
 def descriptor_table(request: Request, methods: Sequence[Method] = METHODS) -> FilledTable:
-    """Measure every method on every collection; what is measured so far is written after each.
+    """Measure every method on every collection; measured collections are kept.
 
     Settings are tuned on the annotated labels of another scene, to one region for every 150 points; the descriptors
     keep their presets. Seeds of region growing are not labelled points, so that geometry is measured alone.
@@ -111,8 +112,14 @@ def descriptor_table(request: Request, methods: Sequence[Method] = METHODS) -> F
     """
     rows: list[OversegScores] = []
     methods = [method for method in methods if _can_run(method, request.log)]
+    asked = scenes_asked(request, [method.title for method in methods])
     for collection in load_collections(request):
-        rows += measure_collection(collection, methods, request.seed, request.log)
+        rows += kept_rows(
+            request.out / 'measured' / f'descriptors-overseg_{collection.name}.json',
+            asked,
+            OversegScores,
+            partial(measure_collection, collection, methods, request.seed, request.log),
+        )
         save(fill_overseg(rows, request.seed), request.out, 'descriptors-overseg')
     if not rows:
         raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')

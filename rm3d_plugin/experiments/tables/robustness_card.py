@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -9,6 +10,7 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.descriptors import Descriptor, cosine_similarity
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.experiments.kept import kept_rows, scenes_asked
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
 from rm3d_plugin.experiments.scenes import (
     Collection,
@@ -146,7 +148,7 @@ def compare(
 
 
 def robustness_table(request: Request, names: Sequence[str] = NAMES) -> FilledTable:
-    """Measure every descriptor with its preset; what is measured so far is written after each collection.
+    """Measure every descriptor with its preset; measured collections are kept.
 
     Args:
         request: Its ``data`` are keys of :data:`rm3d_plugin.experiments.scenes.COLLECTIONS`; its seed draws what is
@@ -158,7 +160,12 @@ def robustness_table(request: Request, names: Sequence[str] = NAMES) -> FilledTa
     """
     rows: list[CardRow] = []
     for collection in load_collections(request):
-        rows += measure_card(collection, names, request.seed, request.log)
+        rows += kept_rows(
+            request.out / 'measured' / f'robustness-card_{collection.name}.json',
+            scenes_asked(request, names),
+            CardRow,
+            partial(measure_card, collection, names, request.seed, request.log),
+        )
         save(fill_card(rows, request.seed), request.out, 'robustness-card')
     if not rows:
         raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')
