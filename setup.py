@@ -15,7 +15,7 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.11,<3.13',
     packages=find_packages(include=['rm3d_plugin', 'rm3d_plugin.*']),
-    package_data={'rm3d_plugin': ['py.typed']},
+    package_data={'rm3d_plugin': ['py.typed', 'baselines/*/README.md']},
     install_requires=[
         'torch>=2.6',
         'mmengine-lite>=0.10.7,<0.11',

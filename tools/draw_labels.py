@@ -34,7 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         description=__doc__, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument('config', nargs='?', help='config file of the run that shall have the labels')
-    parser.add_argument('--out', type=Path, required=True, help='folder; or one file .csv, .json (clicks) or .html')
+    parser.add_argument(
+        '--out', type=Path, required=True, help='folder; or one file .csv, .json, .jsonl (clicks) or .html'
+    )
     parser.add_argument('--budget', help='what to show, see below; default: as the config says, else 0p2pct')
     parser.add_argument('--seed', type=int, help='chooses the draw; default: as the config says, else 0')
     parser.add_argument('--scenes', type=int, default=8, help='scenes that the page shows; default 8')

@@ -5,22 +5,49 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.run import exit_code
-from rm3d_plugin.experiments.reproduce import MEASURED, TABLES, measure, reproduce
-from rm3d_plugin.experiments.table_scenes import COLLECTIONS
+from rm3d_plugin.experiments import FORMATS, TABLES, Request, list_tables, make_table, to_format
+from rm3d_plugin.experiments.scenes import COLLECTIONS
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Read the arguments and print the table."""
+    args = _parser().parse_args(arguments)
+    request = Request(
+        out=args.out or Path('work_dirs/reproduce') / (args.table or ''),
+        seeds=tuple(args.seeds),
+        jobs=args.jobs,
+        options=tuple(args.cfg_options),
+        data=tuple(args.data),
+        scenes=args.scenes,
+        points=args.points or None,
+        seed=args.seed,
+        data_root=args.data_root,
+    )
+    if args.list:
+        print(list_tables(request))
+    elif args.table is None:
+        raise ConfigError('reproduce: name a table; --list shows them')
+    else:
+        table = make_table(args.table, request)
+        if args.format == 'png':
+            print(request.out / f'{args.table}.png')
+        else:
+            print(to_format(table, args.format).decode(), end='')
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
-    titles = {key: table.title for key, table in TABLES.items()} | {key: table.title for key, table in MEASURED.items()}
-    parser.add_argument('table', choices=sorted(titles), help='; '.join(f'{k}: {t}' for k, t in titles.items()))
+    parser.add_argument('table', nargs='?', choices=sorted(TABLES), help='its name; --list tells what each shows')
+    parser.add_argument('--list', action='store_true', help='list the tables, and how many runs each trains')
     parser.add_argument('--out', type=Path, help='folder of the results; default work_dirs/reproduce/TABLE')
+    parser.add_argument('--format', choices=FORMATS, default='md', help='what to print; all are written; default md')
     training = parser.add_argument_group('tables that train')
     training.add_argument('--seeds', type=int, nargs='+', default=[0, 1, 2], help='one run a seed; default 0 1 2')
     training.add_argument('--jobs', type=int, default=1, help='runs at the same time, one thread each; default 1')
     training.add_argument('--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of every run')
-    measured = parser.add_argument_group('tables that measure scenes', f'({", ".join(MEASURED)})')
+    measured = parser.add_argument_group('tables that measure scenes')
     measured.add_argument('--scenes', type=int, default=2, help='scenes of each kind; default 2')
     measured.add_argument(
         '--points', type=int, default=20000, help='of each scene, nearest to its middle; 0: all; default 20000'
@@ -33,13 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         choices=COLLECTIONS,
         help='kinds of scenes; default: all there are',
     )
-    measured.add_argument('--data-root', type=Path, help='folder of the synthetic scenes; default OUT/data')
-    args = parser.parse_args(arguments)
-    out = args.out or Path('work_dirs/reproduce') / args.table
-    if args.table in MEASURED:
-        print(measure(args.table, out, args.data, args.scenes, args.points or None, args.seed, args.data_root))
-    else:
-        print(reproduce(args.table, args.seeds, out, args.jobs, args.cfg_options))
+    measured.add_argument('--data-root', type=Path, help='folder of the scenes; default OUT/data, RM3D_REAL_DATA')
+    return parser
 
 
 if __name__ == '__main__':

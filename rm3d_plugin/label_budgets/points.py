@@ -62,7 +62,7 @@ class PointBudget:
         if self.sizes[scene_id].points != points:
             raise BudgetError(
                 f'scene {scene_id}: the label budget was drawn from {self.sizes[scene_id].points} points, the scene '
-                f'has {points}; cropping, thinning or data changed, draw the budget again'
+                f'has {points}; cropping, voxel downsampling or data changed, draw the budget again'
             )
 
     def points_of(self, scene_id: str, points: int) -> AnnotatedPoints:

@@ -87,7 +87,7 @@ def write_text(path: str | Path, text: str) -> Path:
 
 def write_json(path: str | Path, value: Any) -> Path:
     """Write JSON, atomically; numpy numbers and arrays become plain ones, NaN and infinity become null."""
-    return write_text(path, json.dumps(_plain(value), indent=2, allow_nan=False, ensure_ascii=False) + '\n')
+    return write_text(path, json.dumps(plain_json(value), indent=2, allow_nan=False, ensure_ascii=False) + '\n')
 
 
 def read_json(path: str | Path) -> Any:
@@ -103,13 +103,14 @@ def read_json(path: str | Path) -> Any:
         raise DamagedFileError(f'{path}: not readable as JSON ({error}); delete it and make it again') from error
 
 
-def _plain(value: Any) -> Any:
+def plain_json(value: Any) -> Any:
+    """The value as JSON can hold it: numpy numbers and arrays become plain ones, NaN and infinity become None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain_json(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain_json(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain_json(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value

@@ -9,10 +9,11 @@ from reference.toy_scenes import ToyRooms
 from runs import tiny_runs
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.label_budgets import load_box_budget, load_point_budget, read_clicks
+from rm3d_plugin.label_budgets import load_box_budget, load_point_budget
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.reporting.draw_labels import draw_labels
+from rm3d_plugin.storage import read_clicks
 from rm3d_plugin.structures import Boxes3D, PointCloud
 from rm3d_plugin.visualization.label_picture import draw_label_picture
 

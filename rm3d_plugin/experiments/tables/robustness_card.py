@@ -1,8 +1,8 @@
-"""Robustness card: how alike a descriptor finds the same physical point after turning, thinning and noise."""
+"""Robustness card: how alike a descriptor finds the same physical point after turning, dropping points and noise."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -10,8 +10,9 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.descriptors import Descriptor, cosine_similarity
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.experiments.overseg_table import to_csv
-from rm3d_plugin.experiments.table_scenes import (
+from rm3d_plugin.experiments.kept import kept_rows, scenes_asked
+from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
+from rm3d_plugin.experiments.scenes import (
     Collection,
     TableScene,
     described_surface,
@@ -19,9 +20,9 @@ from rm3d_plugin.experiments.table_scenes import (
     turn_about,
     turned,
 )
+from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.inference.oversegment import build_part
 from rm3d_plugin.registry import DESCRIPTORS
-from rm3d_plugin.storage import atomic_write, write_text
 from rm3d_plugin.structures import Descriptors, PointCloud
 from rm3d_plugin.visualization.tables import LinePanel, draw_lines
 
@@ -34,6 +35,12 @@ LEVELS: dict[Kind, tuple[float, ...]] = {
     'noise': (2.0, 5.0, 10.0),
 }
 UNITS: dict[Kind, str] = {'turn about z': 'degrees', 'tilt': 'degrees', 'points dropped': '%', 'noise': 'mm'}
+COLUMNS: tuple[tuple[str, Kind, tuple[float, ...]], ...] = (  # heading, and of which changes it shows the worst
+    ('turned about z', 'turn about z', LEVELS['turn about z']),
+    ('tilted', 'tilt', LEVELS['tilt']),
+    *((f'{level:g} % dropped', 'points dropped', (level,)) for level in LEVELS['points dropped']),
+    *((f'noise {level:g} mm', 'noise', (level,)) for level in LEVELS['noise']),
+)
 LEAN = (1.0, 1.0, 0.0)  # axis of the tilt
 COMPARED = 4000  # points of a scene that are compared, at most
 
@@ -94,7 +101,7 @@ class Similarity(NamedTuple):
 
 
 def change_scene(cloud: PointCloud, kind: Kind, level: float, rng: np.random.Generator) -> Changed:
-    """Turn, thin or shake a scene; its surface is estimated anew, as in a scene that was never seen before.
+    """Turn a scene, drop points of it or shake them; its surface is estimated anew, as in a scene never seen before.
 
     Args:
         cloud: The scene.
@@ -140,44 +147,29 @@ def compare(
     )
 
 
-def robustness_card(
-    out: Path,
-    data: Sequence[str],
-    scenes: int = 2,
-    points: int | None = None,
-    seed: int = 0,
-    names: Sequence[str] = NAMES,
-    data_root: Path | None = None,
-    log: Callable[[str], None] = print,
-) -> str:
-    """Measure every descriptor with its preset; write ``robustness-card.md``, ``.csv`` and ``.png``.
+def robustness_table(request: Request, names: Sequence[str] = NAMES) -> FilledTable:
+    """Measure every descriptor with its preset; measured collections are kept.
 
     Args:
-        out: Folder of the results.
-        data: Keys of :data:`rm3d_plugin.experiments.table_scenes.COLLECTIONS`.
-        scenes: Scenes of each collection, at most.
-        points: Of each scene, the so many points nearest to its middle; None: all.
-        seed: Of what is dropped, of the noise and of the compared points.
+        request: Its ``data`` are keys of :data:`rm3d_plugin.experiments.scenes.COLLECTIONS`; its seed draws what is
+            dropped, the noise and the compared points.
         names: Descriptors.
-        data_root: Folder of synthetic data; default ``out/data``.
-        log: Told what is done.
-
-    Returns:
-        The card as markdown.
 
     Raises:
         ConfigError: None of the data are there.
     """
     rows: list[CardRow] = []
-    for collection in load_collections(data, data_root or out / 'data', scenes, points, log):
-        rows += measure_card(collection, names, seed, log)
-        write_text(out / 'robustness-card.csv', to_csv(CardRow._fields, rows))
-        write_text(out / 'robustness-card.md', render_card(rows, seed) + '\n')
+    for collection in load_collections(request):
+        rows += kept_rows(
+            request.out / 'measured' / f'robustness-card_{collection.name}.json',
+            scenes_asked(request, names),
+            CardRow,
+            partial(measure_card, collection, names, request.seed, request.log),
+        )
+        save(fill_card(rows, request.seed), request.out, 'robustness-card')
     if not rows:
-        raise ConfigError(f'nothing to measure: none of {", ".join(data)} is there')
-    picture = draw_lines(_panels(rows), 'cosine of the same point')
-    atomic_write(out / 'robustness-card.png', lambda stream: stream.write(picture))
-    return render_card(rows, seed)
+        raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')
+    return fill_card(rows, request.seed)
 
 
 def measure_card(
@@ -223,40 +215,43 @@ def _summary(data: str, name: str, kind: Kind, level: float, scenes: Sequence[Si
     return CardRow(data, name, kind, level, float(same.mean()), float(own), float(chance.mean()), valid, len(same))
 
 
-def render_card(rows: Sequence[CardRow], seed: int) -> str:
-    """One markdown table for each collection; turns show their worst angle."""
-    lines = [
-        'Cosine of the same physical point before and after a change (in brackets: per cent of points that are more',
-        'alike to themselves than to a random other point; 50 tells nothing). Turns: the worst of',
-        f'{", ".join(f"{level:g}" for level in LEVELS["tilt"])} degrees. Presets; normals estimated anew; seed {seed}.',
-    ]
-    columns: list[tuple[str, Kind, tuple[float, ...]]] = [
-        ('turned about z', 'turn about z', LEVELS['turn about z']),
-        ('tilted', 'tilt', LEVELS['tilt']),
-        *((f'{level:g} % dropped', 'points dropped', (level,)) for level in LEVELS['points dropped']),
-        *((f'noise {level:g} mm', 'noise', (level,)) for level in LEVELS['noise']),
-    ]
-    for data in dict.fromkeys(row.data for row in rows):
-        own = [row for row in rows if row.data == data]
-        lines += [
-            '',
-            f'**{data}**',
-            '',
-            f'| descriptor | {" | ".join(head for head, _, _ in columns)} | two random points |',
-        ]
-        lines.append('|---' * (len(columns) + 2) + '|')
-        for name in dict.fromkeys(row.descriptor for row in own):
-            mine = [row for row in own if row.descriptor == name]
-            cells = [
-                _worst([row for row in mine if row.kind == kind and row.level in levels]) for _, kind, levels in columns
-            ]
-            lines.append(f'| {name} | {" | ".join(cells)} | {mine[0].chance:.2f} |')
-    return '\n'.join(lines)
+def fill_card(rows: Sequence[CardRow], seed: int) -> FilledTable:
+    """A section a collection; turns show their worst angle."""
+    return FilledTable(
+        title='Cosine of the same physical point before and after a change',
+        notes=(
+            'In brackets: per cent of points that are more alike to themselves than to a random other point; 50 tells '
+            'nothing.',
+            f'Turns: the worst of {", ".join(f"{level:g}" for level in LEVELS["tilt"])} degrees. Presets; normals '
+            f'estimated anew; seed {seed}.',
+        ),
+        sections=tuple(_section(data, rows) for data in dict.fromkeys(row.data for row in rows)),
+        records=tuple(row._asdict() for row in rows),
+        figure=lambda: draw_lines(_panels(rows), 'cosine of the same point'),
+    )
 
 
-def _worst(rows: Sequence[CardRow]) -> str:
+def _section(data: str, rows: Sequence[CardRow]) -> Section:
+    own = [row for row in rows if row.data == data]
+    return Section(
+        title=data,
+        columns=('descriptor', *(head for head, _, _ in COLUMNS), 'two random points'),
+        rows=tuple(
+            NamedRow(name, _cells([row for row in own if row.descriptor == name]))
+            for name in dict.fromkeys(row.descriptor for row in own)
+        ),
+    )
+
+
+def _cells(rows: Sequence[CardRow]) -> tuple[Cell, ...]:
+    """Cells of one descriptor, whose rows are the changes."""
+    worst = [_worst([row for row in rows if row.kind == kind and row.level in levels]) for _, kind, levels in COLUMNS]
+    return (*worst, Cell(f'{rows[0].chance:.2f}', (rows[0].chance,)))
+
+
+def _worst(rows: Sequence[CardRow]) -> Cell:
     row = min(rows, key=lambda row: row.cosine)
-    return f'{row.cosine:.2f} ({100 * row.own:.0f})'
+    return Cell(f'{row.cosine:.2f} ({100 * row.own:.0f})', (row.cosine, row.own))
 
 
 def _panels(rows: Sequence[CardRow]) -> list[list[LinePanel]]:

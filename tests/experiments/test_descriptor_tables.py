@@ -10,10 +10,9 @@ from reference.rooms import make_room
 from rm3d_plugin.descriptors import SuperpointGraph
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.functional.boundary import boundary_scores
-from rm3d_plugin.experiments import overseg_table, reproduce, robustness, table_scenes
-from rm3d_plugin.experiments.overseg_table import POSES, Method, Row, measure_collection, render_table
-from rm3d_plugin.experiments.robustness import LEVELS, CardRow, change_scene, compare, measure_card, render_card
-from rm3d_plugin.experiments.table_scenes import (
+from rm3d_plugin.experiments import MeasuredTable, Request, make_table, scenes
+from rm3d_plugin.experiments.render import to_markdown
+from rm3d_plugin.experiments.scenes import (
     Collection,
     TableScene,
     described_surface,
@@ -21,6 +20,22 @@ from rm3d_plugin.experiments.table_scenes import (
     random_turn,
     turn_about,
     turned,
+)
+from rm3d_plugin.experiments.tables import TABLES, descriptors_overseg, robustness_card
+from rm3d_plugin.experiments.tables.descriptors_overseg import (
+    POSES,
+    Method,
+    OversegScores,
+    fill_overseg,
+    measure_collection,
+)
+from rm3d_plugin.experiments.tables.robustness_card import (
+    LEVELS,
+    CardRow,
+    change_scene,
+    compare,
+    fill_card,
+    measure_card,
 )
 from rm3d_plugin.oversegmentation import RegionGrowing
 from rm3d_plugin.structures import Descriptors, PointCloud
@@ -31,12 +46,12 @@ SUPERVOXELS = Method('normals, VCCS divides', 'SuperpointGraph', 'VCCS', {'dista
 
 @pytest.fixture(scope='module')
 def rooms():
-    scenes = []
+    made = []
     for seed in (0, 1):
         xyz, truth = make_room(density=120, seed=seed)
-        scenes.append(TableScene(f'room {seed}', described_surface(PointCloud(xyz)), truth, truth))
-    classes = int(max(scene.semantic.max() for scene in scenes)) + 1
-    return Collection('toy', 'toy (synthetic)', 'indoor', classes, (scenes[0],), (scenes[1],))
+        made.append(TableScene(f'room {seed}', described_surface(PointCloud(xyz)), truth, truth))
+    classes = int(max(scene.semantic.max() for scene in made)) + 1
+    return Collection('toy', 'toy (synthetic)', 'indoor', classes, (made[0],), (made[1],))
 
 
 def test_turns():
@@ -67,8 +82,8 @@ def test_scores_are_those_of_the_tuned_parts(rooms):
     scene = rooms.scenes[0]
     settings = dict(part.split() for part in rows[0].settings.split(', '))
     assert set(settings) == {'theta', 'zeta'} and rows[3].settings.startswith('seed_size ')
-    tuned = overseg_table.tune_method(
-        SPG, rooms, [overseg_table._annotated_labels(rooms.tuning[0], [0, 0])]
+    tuned = descriptors_overseg.tune_method(
+        SPG, rooms, [descriptors_overseg._annotated_labels(rooms.tuning[0], [0, 0])]
     ).tuning.options
     described = SuperpointGraph().compute(scene.cloud)
     labels = RegionGrowing(**tuned).segment(scene.cloud, described).labels
@@ -83,28 +98,35 @@ def test_scores_are_those_of_the_tuned_parts(rooms):
 
 def test_table_as_printed():
     rows = [
-        Row('toy', 'FPFH', pose, 0.5 + i / 10, 0.25, 1 / 3, 0.8, 0.9, 100.0 + i, 1.5, 0.25, 2, 5000, 'theta 9')
+        OversegScores(
+            'toy', 'FPFH', pose, 0.5 + i / 10, 0.25, 1 / 3, 0.8, 0.9, 100.0 + i, 1.5, 0.25, 2, 5000, 'theta 9'
+        )
         for i, pose in enumerate(POSES)
     ]
-    lines = render_table(rows, seed=4).splitlines()
+    table = fill_overseg(rows, seed=4)
+    lines = to_markdown(table).splitlines()
     assert '**toy: 2 scenes, 5000 points**' in lines and 'seed 4' in ' '.join(lines[:4])
     assert lines[-1] == (
         '| FPFH | 50.0 / 60.0 / 70.0 | 25.0 / 25.0 / 25.0 | 33.3 / 33.3 / 33.3 | 80.0 / 80.0 / 80.0 | 100 / 101 / 102 '
         '| 1.50 + 0.25 | theta 9 |'
     )
-    assert overseg_table.to_csv(('a', 'b'), [(1 / 3, 'x, y')]) == 'a,b\n0.333333,"x, y"\n'
+    assert table.records[1]['pose'] == 'z' and table.records[1]['recall'] == 0.6 and len(table.records) == 3
 
 
 def test_files_of_both_tables(rooms, tmp_path, monkeypatch):
-    monkeypatch.setitem(table_scenes.COLLECTIONS, 'toy', lambda root, amount: rooms)
-    text = overseg_table.descriptor_table(tmp_path, ['toy'], methods=[SPG], log=lambda line: None)
-    assert (tmp_path / 'descriptors-overseg.md').read_text() == text + '\n'
-    assert (tmp_path / 'descriptors-overseg.png').read_bytes().startswith(b'\x89PNG')
+    monkeypatch.setitem(scenes.COLLECTIONS, 'toy', lambda root, amount: rooms)
+    request = Request(tmp_path, data=['toy'], log=lambda line: None)
+    for name, measure in (
+        ('descriptors-overseg', lambda request: descriptors_overseg.descriptor_table(request, [SPG])),
+        ('robustness-card', lambda request: robustness_card.robustness_table(request, ['SuperpointGraph'])),
+    ):
+        monkeypatch.setitem(TABLES, name, MeasuredTable(name, measure))
+        text = to_markdown(make_table(name, request))
+        assert (tmp_path / f'{name}.md').read_text() == text
+        assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+        assert (tmp_path / 'measured' / f'{name}_toy.json').is_file()
     saved = list(csv.DictReader((tmp_path / 'descriptors-overseg.csv').read_text().splitlines()))
     assert [row['pose'] for row in saved] == list(POSES) and 0 < float(saved[0]['f1']) < 1
-    card = robustness.robustness_card(tmp_path, ['toy'], names=['SuperpointGraph'], log=lambda line: None)
-    assert (tmp_path / 'robustness-card.md').read_text() == card + '\n'
-    assert (tmp_path / 'robustness-card.png').read_bytes().startswith(b'\x89PNG')
     lines = (tmp_path / 'robustness-card.csv').read_text().splitlines()
     assert len(lines) == 1 + sum(map(len, LEVELS.values()))
 
@@ -147,30 +169,27 @@ def test_card_as_printed():
         for kind, levels in LEVELS.items()
         for level in levels
     ]
-    line = render_card(rows, 0).splitlines()[-1]
+    line = to_markdown(fill_card(rows, 0)).splitlines()[-1]
     assert line == '| PFH | 0.72 (75) | 0.72 (75) | 0.85 (75) | 0.82 (75) | 0.90 (75) | 0.90 (75) | 0.89 (75) | 0.40 |'
 
 
 def test_data_that_are_not_there(tmp_path, monkeypatch):
     monkeypatch.setenv('RM3D_REAL_DATA', str(tmp_path))
     told = []
-    assert load_collections(['oakland', 'semantickitti'], tmp_path, 1, log=told.append) == []
+    request = Request(tmp_path, data=['oakland', 'semantickitti'], scenes=1, log=told.append)
+    assert load_collections(request) == []
     assert [line.split(':')[0] for line in told] == ['oakland', 'semantickitti'] and str(tmp_path) in told[0]
     with pytest.raises(ConfigError, match=r"data among rooms, .*got 1, None, \['moon'\]"):
-        load_collections(['moon'], tmp_path, 1)
-    with pytest.raises(
-        ConfigError, match="no measured table 'x'; there are: descriptors-overseg, propagation, robustness-card"
-    ):
-        reproduce.measure('x', tmp_path)
+        load_collections(dataclasses.replace(request, data=['moon']))
     with pytest.raises(ConfigError, match='nothing to measure'):
-        reproduce.measure('robustness-card', tmp_path, ['oakland'], log=told.append)
+        make_table('robustness-card', request)
 
 
 def test_real_scenes_are_read(real_data, monkeypatch, tmp_path):
     if not (real_data / 'oakland').is_dir():
         pytest.skip('no Oakland there')
     monkeypatch.setenv('RM3D_REAL_DATA', str(real_data))
-    (collection,) = load_collections(['oakland'], tmp_path, 1, points=3000)
+    (collection,) = load_collections(Request(tmp_path, data=['oakland'], scenes=1, points=3000))
     assert len(collection.scenes) == 1 and collection.classes == 6 and 'real' in collection.title
     scene = collection.scenes[0]
     assert 3000 == len(scene.cloud) == len(scene.semantic) == len(scene.objects) and scene.cloud.curvature is not None

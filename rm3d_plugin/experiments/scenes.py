@@ -15,11 +15,12 @@ from rm3d_plugin.datasets.segmentation import SegmentationDataset
 from rm3d_plugin.datasets.semantickitti import SemanticKittiDataset
 from rm3d_plugin.descriptors import cloud_normals
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.regions.prepare import with_normals
 from rm3d_plugin.structures import PointCloud
 
 NORMAL_NEIGHBORS = 20
-THIN = 0.15  # m between points of outdoor scenes
+OUTDOOR_VOXEL = 0.15  # m, of the voxel downsampling outdoors
 NEAR = 20.0  # m; farther off the rings of a lidar are farther apart than any of the radii below
 REAL_DATA = 'RM3D_REAL_DATA'  # environment variable; folder with oakland/ and semantickitti/
 
@@ -97,36 +98,29 @@ def random_turn(kind: Literal['z', 'so3'], rng: np.random.Generator) -> Float[np
     return turn_about(axis, rng.uniform(0.0, 180.0))
 
 
-def load_collections(
-    names: Sequence[str],
-    data_root: Path,
-    scenes: int,
-    points: int | None = None,
-    log: Callable[[str], None] = print,
-) -> list[Collection]:
+def load_collections(request: Request) -> list[Collection]:
     """Read collections, making synthetic ones by need; real ones that are not there are named and left out.
 
     Args:
-        names: Keys of :data:`COLLECTIONS`.
-        data_root: Folder where synthetic data are made or found.
-        scenes: Measured scenes of each collection, at most.
-        points: Of each scene, the so many points nearest to its middle; None: all.
-        log: Told what is left out.
+        request: Its ``data`` are keys of :data:`COLLECTIONS`; synthetic ones are made or found in its ``data_root``,
+            by default in ``out/data``.
 
     Raises:
         ConfigError: There is no such collection.
     """
-    unknown = [name for name in names if name not in COLLECTIONS]
-    if unknown or scenes < 1 or (points is not None and points < 100):
+    unknown = [name for name in request.data if name not in COLLECTIONS]
+    if unknown or request.scenes < 1 or (request.points is not None and request.points < 100):
         raise ConfigError(
             f'expected scenes >= 1, points >= 100 and data among {", ".join(COLLECTIONS)}; '
-            f'got {scenes}, {points}, {unknown}'
+            f'got {request.scenes}, {request.points}, {unknown}'
         )
     found = []
-    for name in names:
-        collection = COLLECTIONS[name](data_root, Amount(scenes, points))
+    for name in request.data:
+        collection = COLLECTIONS[name](
+            request.data_root or request.out / 'data', Amount(request.scenes, request.points)
+        )
         if collection is None:
-            log(f'{name}: not in {real_root()} (environment variable {REAL_DATA}), left out')
+            request.log(f'{name}: not in {real_root()} (environment variable {REAL_DATA}), left out')
         else:
             found.append(collection)
     return found
@@ -181,8 +175,8 @@ def _streets(data_root: Path, amount: Amount) -> Collection:
     root = make_semantickitti_streets(
         data_root / f'streets_{amount.scenes}', num_train=1, num_val=amount.scenes, progress=False
     )
-    val = SemanticKittiDataset(root, 'val', voxel_downsample=THIN)
-    train = SemanticKittiDataset(root, 'train', sequences=(0,), voxel_downsample=THIN)
+    val = SemanticKittiDataset(root, 'val', voxel_downsample=OUTDOOR_VOXEL)
+    train = SemanticKittiDataset(root, 'train', sequences=(0,), voxel_downsample=OUTDOOR_VOXEL)
     return _lidar('streets', 'streets (synthetic)', read_scenes(train, [0], amount.points, NEAR), val, amount)
 
 
@@ -190,8 +184,10 @@ def _semantickitti(data_root: Path, amount: Amount) -> Collection | None:
     root = real_root() / 'semantickitti'
     if not (root / 'sequences' / '00').is_dir() or not (root / 'sequences' / '01').is_dir():
         return None
-    town = SemanticKittiDataset(root, sequences=(0,), voxel_downsample=THIN)
-    tuning = read_scenes(SemanticKittiDataset(root, sequences=(1,), voxel_downsample=THIN), [0], amount.points, NEAR)
+    town = SemanticKittiDataset(root, sequences=(0,), voxel_downsample=OUTDOOR_VOXEL)
+    tuning = read_scenes(
+        SemanticKittiDataset(root, sequences=(1,), voxel_downsample=OUTDOOR_VOXEL), [0], amount.points, NEAR
+    )
     return _lidar('semantickitti', 'SemanticKITTI (real)', tuning, town, amount)
 
 
@@ -207,8 +203,8 @@ def _oakland(data_root: Path, amount: Amount) -> Collection | None:
     root = real_root() / 'oakland'
     if not root.is_dir():
         return None
-    test = OaklandDataset(root, 'test', voxel_downsample=THIN)
-    tuning = read_scenes(OaklandDataset(root, 'train', voxel_downsample=THIN), [0], amount.points)
+    test = OaklandDataset(root, 'test', voxel_downsample=OUTDOOR_VOXEL)
+    tuning = read_scenes(OaklandDataset(root, 'train', voxel_downsample=OUTDOOR_VOXEL), [0], amount.points)
     wide = {'radius': 0.5, 'range_growth': 0.0}  # m; the sensor moved along the street
     options: dict[str, dict[str, Any]] = {
         'RegionGrowing': {'ground': None, 'max_edge': 0.6, 'range_growth': 0.0},

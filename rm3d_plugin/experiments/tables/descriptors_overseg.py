@@ -1,13 +1,10 @@
 """Table 1 of the paper: how well regions keep to objects, for each descriptor, as scanned and turned."""
 
-import csv
-import io
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import add
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -16,7 +13,10 @@ from jaxtyping import Int
 from rm3d_plugin.descriptors import Descriptor
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.functional.boundary import BoundaryCounts, boundary_counts, scores_of
-from rm3d_plugin.experiments.table_scenes import Collection, TableScene, load_collections, random_turn, turned
+from rm3d_plugin.experiments.kept import kept_rows, scenes_asked
+from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
+from rm3d_plugin.experiments.scenes import Collection, TableScene, load_collections, random_turn, turned
+from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.inference.oversegment import POINTS_PER_REGION, build_part
 from rm3d_plugin.label_budgets import PointAmount, draw_points
 from rm3d_plugin.oversegmentation import Oversegmenter
@@ -30,7 +30,6 @@ from rm3d_plugin.oversegmentation.tuning import (
     tune_region_growing,
 )
 from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
-from rm3d_plugin.storage import atomic_write, write_text
 from rm3d_plugin.visualization.tables import BarPanel, draw_bars
 
 Pose = Literal['original', 'z', 'so3']
@@ -69,7 +68,7 @@ METHODS = (
 )
 
 
-class Row(NamedTuple):
+class OversegScores(NamedTuple):
     """What one method reaches on one collection in one pose; shares in [0, 1], CPU seconds and regions a scene."""
 
     data: str
@@ -97,53 +96,39 @@ class Parts:
     tuning: Tuning
 
 
-def descriptor_table(
-    out: Path,
-    data: Sequence[str],
-    scenes: int = 2,
-    points: int | None = None,
-    seed: int = 0,
-    methods: Sequence[Method] = METHODS,
-    data_root: Path | None = None,
-    log: Callable[[str], None] = print,
-) -> str:
-    """Measure every method on every collection; write ``descriptors-overseg.md``, ``.csv`` and ``.png``.
+def descriptor_table(request: Request, methods: Sequence[Method] = METHODS) -> FilledTable:
+    """Measure every method on every collection; measured collections are kept.
 
     Settings are tuned on the annotated labels of another scene, to one region for every 150 points; the descriptors
     keep their presets. Seeds of region growing are not labelled points, so that geometry is measured alone.
 
     Args:
-        out: Folder of the results.
-        data: Keys of :data:`rm3d_plugin.experiments.table_scenes.COLLECTIONS`.
-        scenes: Measured scenes of each collection, at most.
-        points: Of each scene, the so many points nearest to its middle; None: all.
-        seed: Of the annotated labels and the turns.
+        request: Its ``data`` are keys of :data:`rm3d_plugin.experiments.scenes.COLLECTIONS`; its seed draws the
+            annotated labels and the turns.
         methods: Rows.
-        data_root: Folder of synthetic data; default ``out/data``.
-        log: Told what is done.
-
-    Returns:
-        The table as markdown.
 
     Raises:
         ConfigError: None of the data are there.
     """
-    rows: list[Row] = []
-    methods = [method for method in methods if _can_run(method, log)]
-    for collection in load_collections(data, data_root or out / 'data', scenes, points, log):
-        rows += measure_collection(collection, methods, seed, log)
-        write_text(out / 'descriptors-overseg.csv', to_csv(Row._fields, rows))
-        write_text(out / 'descriptors-overseg.md', render_table(rows, seed) + '\n')
+    rows: list[OversegScores] = []
+    methods = [method for method in methods if _can_run(method, request.log)]
+    asked = scenes_asked(request, [method.title for method in methods])
+    for collection in load_collections(request):
+        rows += kept_rows(
+            request.out / 'measured' / f'descriptors-overseg_{collection.name}.json',
+            asked,
+            OversegScores,
+            partial(measure_collection, collection, methods, request.seed, request.log),
+        )
+        save(fill_overseg(rows, request.seed), request.out, 'descriptors-overseg')
     if not rows:
-        raise ConfigError(f'nothing to measure: none of {", ".join(data)} is there')
-    picture = draw_bars(_panels(rows), 'boundary F1, percent')
-    atomic_write(out / 'descriptors-overseg.png', lambda stream: stream.write(picture))
-    return render_table(rows, seed)
+        raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')
+    return fill_overseg(rows, request.seed)
 
 
 def measure_collection(
     collection: Collection, methods: Sequence[Method], seed: int, log: Callable[[str], None] = print
-) -> list[Row]:
+) -> list[OversegScores]:
     """Tune, then measure, each method in each pose; all methods see the same labels and turns."""
     labels = [_annotated_labels(scene, [seed, number]) for number, scene in enumerate(collection.tuning)]
     posed = {pose: [_posed(scene, pose, seed, i) for i, scene in enumerate(collection.scenes)] for pose in POSES}
@@ -153,7 +138,8 @@ def measure_collection(
         parts = tune_method(method, collection, labels)
         rows += [measure(method, parts, collection, posed[pose], pose) for pose in POSES]
         spent = time.process_time() - start
-        log(f'{collection.title}: {method.title}: F1 {_cell([row.f1 for row in rows[-3:]])}, {spent:.0f} CPU s')
+        f1 = _percent_cell([row.f1 for row in rows[-3:]]).text
+        log(f'{collection.title}: {method.title}: F1 {f1}, {spent:.0f} CPU s')
     return rows
 
 
@@ -186,7 +172,7 @@ def tune_method(method: Method, collection: Collection, labels: Sequence[Int[np.
     return Parts(descriptor, build(tuning.options), tuning)
 
 
-def measure(method: Method, parts: Parts, collection: Collection, clouds: Sequence[Any], pose: Pose) -> Row:
+def measure(method: Method, parts: Parts, collection: Collection, clouds: Sequence[Any], pose: Pose) -> OversegScores:
     """Describe, divide and score all scenes of a collection in one pose, on the graph of the scenes as scanned."""
     counts: list[BoundaryCounts] = []
     describing = dividing = 0.0
@@ -200,49 +186,52 @@ def measure(method: Method, parts: Parts, collection: Collection, clouds: Sequen
     scores, number = scores_of(reduce(add, counts)), len(collection.scenes)
     settings = ', '.join(f'{name} {value:.3g}' for name, value in parts.tuning.options.items())
     points = sum(len(scene.cloud) for scene in collection.scenes)
-    return Row(
+    return OversegScores(
         collection.title, method.title, pose, scores.recall, scores.precision, scores.f1, scores.oracle_miou,
         scores.oracle_accuracy, scores.regions / number, describing / number, dividing / number, number, points,
         settings,
     )  # fmt: skip
 
 
-def render_table(rows: Sequence[Row], seed: int) -> str:
-    """One markdown table for each collection; cells hold original / turned about z / turned freely, in percent."""
-    lines = [
-        'Regions by descriptor: as scanned / turned about z / turned about a random axis (0 to 180 degrees); percent.',
-        f'Tuned on the annotated labels ({LABELLED_PERCENT} %) of another scene to one region for {POINTS_PER_REGION}',
-        f'points; seed {seed}. Boundaries on the 5-nn graph, one edge off allowed. CPU seconds of a scene as scanned:',
-        'describe + divide.',
+def fill_overseg(rows: Sequence[OversegScores], seed: int) -> FilledTable:
+    """A section a collection; cells hold original / turned about z / turned freely, in percent."""
+    return FilledTable(
+        title='Regions by descriptor, in percent: as scanned / turned about z / turned about a random axis',
+        notes=(
+            f'Turned by 0 to 180 degrees; seed {seed}. Boundaries on the 5-nn graph, one edge off allowed.',
+            f'Tuned on the annotated labels ({LABELLED_PERCENT} %) of another scene to one region for '
+            f'{POINTS_PER_REGION} points.',
+            'CPU seconds of a scene as scanned: describe + divide.',
+        ),
+        sections=tuple(_section(data, rows) for data in dict.fromkeys(row.data for row in rows)),
+        records=tuple(row._asdict() for row in rows),
+        figure=lambda: draw_bars(_panels(rows), 'boundary F1, percent'),
+    )
+
+
+def _section(data: str, rows: Sequence[OversegScores]) -> Section:
+    own = [row for row in rows if row.data == data]
+    return Section(
+        title=f'{data}: {own[0].scenes} scenes, {own[0].points} points',
+        columns=('descriptor', 'recall', 'precision', 'F1', 'oracle mIoU', 'regions', 'CPU s', 'settings'),
+        rows=tuple(
+            NamedRow(method, _cells([row for row in own if row.method == method]))
+            for method in dict.fromkeys(row.method for row in own)
+        ),
+    )
+
+
+def _cells(poses: Sequence[OversegScores]) -> tuple[Cell, ...]:
+    """Cells of one method, whose rows are its poses."""
+    scores = [
+        _percent_cell([getattr(row, name) for row in poses]) for name in ('recall', 'precision', 'f1', 'oracle_miou')
     ]
-    for data in dict.fromkeys(row.data for row in rows):
-        own = [row for row in rows if row.data == data]
-        head = f'{data}: {own[0].scenes} scenes, {own[0].points} points'
-        lines += [
-            '',
-            f'**{head}**',
-            '',
-            '| descriptor | recall | precision | F1 | oracle mIoU | regions | CPU s | settings |',
-        ]
-        lines.append('|---|---|---|---|---|---|---|---|')
-        for method in dict.fromkeys(row.method for row in own):
-            poses = [row for row in own if row.method == method]
-            scores = [
-                _cell([getattr(row, name) for row in poses]) for name in ('recall', 'precision', 'f1', 'oracle_miou')
-            ]
-            regions = ' / '.join(f'{row.regions:.0f}' for row in poses)
-            seconds = f'{poses[0].describe_seconds:.2f} + {poses[0].divide_seconds:.2f}'
-            lines.append(f'| {method} | {" | ".join(scores)} | {regions} | {seconds} | {poses[0].settings} |')
-    return '\n'.join(lines)
-
-
-def to_csv(names: Sequence[str], rows: Sequence[tuple[Any, ...]]) -> str:
-    """Rows under their names; numbers with six digits."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(names)
-    writer.writerows([[f'{cell:.6g}' if isinstance(cell, float) else cell for cell in row] for row in rows])
-    return text.getvalue()
+    regions = Cell(' / '.join(f'{row.regions:.0f}' for row in poses), tuple(row.regions for row in poses))
+    seconds = Cell(
+        f'{poses[0].describe_seconds:.2f} + {poses[0].divide_seconds:.2f}',
+        (poses[0].describe_seconds, poses[0].divide_seconds),
+    )
+    return (*scores, regions, seconds, Cell(poses[0].settings))
 
 
 def _fixed_options(method: Method, collection: Collection) -> dict[str, Any]:
@@ -281,11 +270,12 @@ def _posed(scene: TableScene, pose: Pose, seed: int, number: int) -> Any:
     return turned(scene.cloud, random_turn(pose, rng))
 
 
-def _cell(shares: Sequence[float]) -> str:
-    return ' / '.join(f'{100 * share:.1f}' for share in shares)
+def _percent_cell(shares: Sequence[float]) -> Cell:
+    percent = tuple(100 * share for share in shares)
+    return Cell(' / '.join(f'{value:.1f}' for value in percent), percent)
 
 
-def _panels(rows: Sequence[Row]) -> list[BarPanel]:
+def _panels(rows: Sequence[OversegScores]) -> list[BarPanel]:
     titles = {'original': 'as scanned', 'z': 'turned about z', 'so3': 'turned about a random axis'}
     panels = []
     for data in dict.fromkeys(row.data for row in rows):
