@@ -23,6 +23,7 @@ setup(
         'matplotlib>=3.9',
         'numpy>=2,<2.6',
         'scipy>=1.13',
+        'cachetools>=5.3',
         'numba>=0.60',
         'robust-laplacian>=1.1',
         'jaxtyping>=0.2.34',

@@ -28,7 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...; default cpu')
     points = parser.add_argument_group('classes of points')
     points.add_argument('--format', choices=list(FORMATS), default='ply', help='what is written; default ply')
-    points.add_argument('--votes', type=int, help='average over so many directions about z; default as in the run, 1')
+    points.add_argument(
+        '--tta-rotations', type=int, help='average over so many directions about z; default: as in the run'
+    )
     points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
     points.add_argument('--chunk', type=float, metavar='METRES', help='predict in chunks of this edge')
     points.add_argument('--max-points', type=int, help='predict in chunks of at most so many points; default 1000000')
@@ -48,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     options = PointOptions(
         format=args.format,
-        votes=args.votes,
+        tta_rotations=args.tta_rotations,
         flip=args.flip,
         max_points=args.max_points,
         chunk_size=args.chunk,

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mmengine.config import Config, DictAction
 from mmengine.dist import barrier, is_main_process
@@ -20,9 +20,10 @@ from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.distributed import use_launcher
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
+from rm3d_plugin.evaluation.records import ScoreRecord, records_of
 from rm3d_plugin.ops import _parallel
 from rm3d_plugin.registry import DATASETS, SCOPE, TASK_UTILS
-from rm3d_plugin.storage import DamagedFileError, write_json
+from rm3d_plugin.storage import DamagedFileError, remove_unfinished, write_json
 from rm3d_plugin.structures import SceneError
 
 DEMO_NOTE = 'Demo data: the scenes are synthetic, scanned by virtual sensors; scores say nothing of real scans.'
@@ -83,8 +84,7 @@ def train(config: Config, resume: bool = False, amp: bool = False, launcher: str
     check_data(config, 'train_dataloader', 'val_dataloader')
     work_dir = Path(config.work_dir)
     if is_main_process():
-        for part in work_dir.glob('.*.tmp'):  # what a killed run was writing
-            part.unlink(missing_ok=True)
+        remove_unfinished(work_dir, '*')
     checkpoint = latest_checkpoint(work_dir) if resume else None
     if checkpoint is None:
         if resume:
@@ -163,8 +163,15 @@ def use_amp(config: Config) -> None:
     config.optim_wrapper.loss_scale = 'dynamic'
 
 
-def evaluate(config: Config, checkpoint: str | Path) -> dict[str, Any]:
-    """Score a checkpoint on the validation scenes; writes ``test_metrics.json``.
+class Evaluation(NamedTuple):
+    """Scores of a checkpoint: the flat numbers, and the records that the metrics handed on."""
+
+    scores: dict[str, Any]
+    records: tuple[ScoreRecord, ...]
+
+
+def evaluate(config: Config, checkpoint: str | Path) -> Evaluation:
+    """Score a checkpoint on the validation scenes; writes the flat numbers to ``test_metrics.json``.
 
     Raises:
         ConfigError: The checkpoint cannot be read, or is of another model.
@@ -176,9 +183,9 @@ def evaluate(config: Config, checkpoint: str | Path) -> dict[str, Any]:
     with config_errors(config):
         runner = Runner.from_cfg(config)
     load_weights(runner.model, state, checkpoint)
-    metrics: dict[str, Any] = runner.test()
-    write_json(Path(config.work_dir) / 'test_metrics.json', metrics)
-    return metrics
+    scores: dict[str, Any] = runner.test()
+    write_json(Path(config.work_dir) / 'test_metrics.json', scores)
+    return Evaluation(scores, records_of(runner.test_evaluator))
 
 
 def exit_code(command: Callable[[Sequence[str] | None], None], arguments: Sequence[str] | None = None) -> int:

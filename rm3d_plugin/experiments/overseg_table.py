@@ -157,7 +157,7 @@ def measure_collection(
     return rows
 
 
-def tune_method(method: Method, collection: Collection, labels: Sequence[Int[np.ndarray, ' points']]) -> Parts:
+def tune_method(method: Method, collection: Collection, labels: Sequence[Int[np.ndarray, ' _points']]) -> Parts:
     """Find the settings of a method that give the wanted number of regions with the least conflicts."""
     options = collection.options
     descriptor = build_part(DESCRIPTORS, method.descriptor, collection.preset, options.get(method.descriptor, {}))

@@ -15,8 +15,9 @@ import rm3d_plugin.oversegmentation  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.label_budgets import BudgetError, read_clicks
 from rm3d_plugin.label_budgets.clicks import resolve_clicks
+from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.oversegmentation.tuning import Tuning, tune_region_growing
-from rm3d_plugin.regions.prepare import scatter, with_normals
+from rm3d_plugin.regions.prepare import with_normals
 from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
 from rm3d_plugin.storage import read_json, write_npz
 from rm3d_plugin.storage.ply import write_ply
@@ -117,8 +118,8 @@ def oversegment_file(
             found = _tune(rest, described, known, options, target_regions)
             log(f'{Path(tune).name}: {_report(found)}')
             segmenter = build_part(OVERSEGMENTERS, oversegmenter, None, {**options, **found.options})
-        labels = np.asarray(segmenter.partition(rest, described), dtype=np.int64)
-        regions = Regions(scatter(labels, kept, len(cloud), fill=-1))
+        labels = np.asarray(segmenter.partition(rest, described, None, Path(scan).stem), dtype=np.int64)
+        regions = Regions(scatter_rows(labels, kept, len(cloud), fill=-1))
         write_regions(out, cloud, regions, Path(scan).name)
     except ImportError as error:
         raise ConfigError(str(error)) from error

@@ -57,7 +57,7 @@ def import_point_list(
     return collect_budget(scene_ids, truth_of, choose, (), amount, seed)
 
 
-def read_point_list(path: str | Path) -> dict[str, Int[np.ndarray, ' points']]:
+def read_point_list(path: str | Path) -> dict[str, Int[np.ndarray, ' _points']]:
     """Scene -> point numbers, from ``.pth`` or ``.pt`` (torch), ``.npz`` (an array a scene) or ``.json``.
 
     A file without one of these endings is read as torch's, as ScanNet's lists ``points20`` ... ``points200`` are.

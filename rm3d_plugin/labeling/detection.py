@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
+from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, PointPrediction, SceneLabels
-from rm3d_plugin.labeling.round_summary import summarise
+from rm3d_plugin.labeling.round_summary import summarise_boxes
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, ObjectRules, RefreshResult, refresh_detection
-from rm3d_plugin.pseudo_labels.common.quality import SceneTruth
 from rm3d_plugin.pseudo_labels.detection.boxes import size_priors
 from rm3d_plugin.pseudo_labels.detection.objects import Evidence, score_limits
 from rm3d_plugin.registry import TASK_UTILS
@@ -129,9 +129,9 @@ class DetectionLabelMaker(LabelMaker):
         )
 
     def summarise_round(self, number: int) -> dict[str, Any]:
-        """Coverage and precision of the points, and which pseudo boxes are right."""
+        """Coverage and precision of the points, and which pseudo boxes are correct."""
         scenes = [(self.store.read(scene, number), self._truth(index)) for scene, index in self.index_of.items()]
-        return summarise(scenes, self.source.classes)
+        return summarise_boxes(scenes, self.source.classes)
 
     def _annotated(self, scene_id: str) -> AnnotatedLabels:
         if scene_id not in self._known:
@@ -144,7 +144,7 @@ class DetectionLabelMaker(LabelMaker):
             return None
         cloud = self.source.load_cloud(index)
         ranges = None if cloud.sensor is None else np.linalg.norm(cloud.xyz - cloud.sensor, axis=1)
-        return SceneTruth(truth.semantic, truth.boxes, ranges)
+        return SceneTruth(truth.semantic, boxes=truth.boxes, ranges=ranges)
 
 
 def _joined(parts: Sequence[Boxes3D]) -> Boxes3D:

@@ -117,7 +117,7 @@ class LabelMaker(ABC):
 
     def _prepared(self, scene_id: str) -> PreparedScene:
         if scene_id not in self._keys:  # it stays as it is for the whole run
-            self._keys[scene_id] = self._geometry.key(self._cloud(scene_id), self.seeds(scene_id))
+            self._keys[scene_id] = self._geometry.key(self._cloud(scene_id), self.seeds(scene_id), scene_id)
         return self._geometry.prepared(
             self._keys[scene_id], lambda: self._cloud(scene_id), lambda: self.seeds(scene_id), scene_id
         )

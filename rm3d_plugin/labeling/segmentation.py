@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from tqdm import tqdm
 
+from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, PointPrediction, SceneLabels
-from rm3d_plugin.labeling.round_summary import PointTruth, summarise_points
+from rm3d_plugin.labeling.round_summary import summarise_points
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, refresh_points
 from rm3d_plugin.pseudo_labels.common.groups import point_values
@@ -211,12 +212,12 @@ class SegmentationLabelMaker(LabelMaker):
         """Coverage and precision of each class, and how far the centres of instances are off."""
         return summarise_points(self._judged(number), self.source.classes)
 
-    def _judged(self, number: int) -> Iterator[tuple[PseudoLabels, PointTruth | None]]:
+    def _judged(self, number: int) -> Iterator[tuple[PseudoLabels, SceneTruth | None]]:
         for scene, index in self.index_of.items():
             truth = self.source.truth(index)
             known = None
             if truth is not None and truth.semantic is not None:
-                known = PointTruth(self.source.load_cloud(index).xyz, truth.semantic, truth.instance)
+                known = SceneTruth(truth.semantic, truth.instance, self.source.load_cloud(index).xyz)
             yield self.store.read(scene, number), known
 
 

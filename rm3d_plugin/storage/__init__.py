@@ -7,15 +7,19 @@ from rm3d_plugin.storage.files import (
     hash_arrays,
     read_json,
     read_npz,
+    remove_unfinished,
+    write_bytes,
     write_json,
     write_npz,
     write_text,
 )
+from rm3d_plugin.storage.fingerprint import Fingerprinted
 from rm3d_plugin.storage.label_store import LabelStore, LabelStoreError, SceneEntry
 from rm3d_plugin.storage.scene_cache import SceneCache
 
 __all__ = [
     'DamagedFileError',
+    'Fingerprinted',
     'LabelStore',
     'LabelStoreError',
     'SceneCache',
@@ -25,6 +29,8 @@ __all__ = [
     'hash_arrays',
     'read_json',
     'read_npz',
+    'remove_unfinished',
+    'write_bytes',
     'write_json',
     'write_npz',
     'write_text',

@@ -54,6 +54,17 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
     return path
 
 
+def remove_unfinished(folder: str | Path, pattern: str) -> None:
+    """Remove what a killed process left of files that it was writing.
+
+    Args:
+        folder: Where the files lie.
+        pattern: Of their names, such as ``*.pth``.
+    """
+    for rest in Path(folder).glob(f'.{pattern}.*.tmp'):
+        rest.unlink(missing_ok=True)
+
+
 def _flush_folder(folder: Path) -> None:
     """Make a rename survive a power cut, where the system can (not on Windows)."""
     if os.name == 'posix':
@@ -64,9 +75,14 @@ def _flush_folder(folder: Path) -> None:
             os.close(handle)
 
 
+def write_bytes(path: str | Path, data: bytes) -> Path:
+    """Write bytes, atomically."""
+    return atomic_write(path, lambda file: file.write(data))
+
+
 def write_text(path: str | Path, text: str) -> Path:
     """Write UTF-8 text, atomically."""
-    return atomic_write(path, lambda file: file.write(text.encode('utf-8')))
+    return write_bytes(path, text.encode('utf-8'))
 
 
 def write_json(path: str | Path, value: Any) -> Path:

@@ -14,7 +14,7 @@ def test_a_folder_of_scans_becomes_classes(call, tmp_path):
     for seed, name in enumerate(('a', 'b')):
         make_scan(scans / f'{name}.ply', seed=seed, shift=(4e5, 5e6, 100.0))
     (scans / 'notes.md').write_text('no scan')
-    options = ['--votes', '2', '--flip', 'both', '--chunk', '2.5', '--unknown-below', '.4', '--min-score', '.1']
+    options = ['--tta-rotations', '2', '--flip', 'both', '--chunk', '2.5', '--unknown-below', '.4', '--min-score', '.1']
     code, output = call('predict', network, scans, '--out', out, *options)
     assert code == 0, output
     lines = [line for line in output.splitlines() if line.startswith(str(out))]
@@ -36,8 +36,8 @@ def test_what_the_user_can_mend_is_told(call, tmp_path):
 def test_options_of_points_are_not_for_boxes(call, trained, world, tmp_path):
     checkpoint = max(trained.glob('epoch_*.pth'))
     scan = world / 'training' / 'velodyne' / '000001.bin'
-    code, output = call('predict', checkpoint, scan, '--out', tmp_path / 'out', '--votes', '4')
-    assert code == 2 and 'finds boxes; votes is for networks that classify points' in output
+    code, output = call('predict', checkpoint, scan, '--out', tmp_path / 'out', '--tta-rotations', '4')
+    assert code == 2 and 'finds boxes; tta_rotations is for networks that classify points' in output
 
 
 def test_scores_of_points_are_printed_as_they_are():

@@ -12,7 +12,7 @@ model = dict(
     thing_classes='${thing_classes}',
     inference=dict(
         first_angle='${first_angle}',
-        votes='${votes}',
+        tta_rotations='${votes}',
         superpoint_smoothing='${superpoint_smoothing}',
         logit_adjustment='${logit_adjustment}',
     ),
