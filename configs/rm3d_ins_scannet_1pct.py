@@ -3,4 +3,4 @@
 # Score on ScanNet: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
 _base_ = ['./_base_/variants/ins_scannet.py', './_base_/budgets/points_1pct.py']
 # Many things have an annotated point here; regions that are named without one would teach classes and no instances.
-strategy = dict(region_prior=False, gamma=0.75)
+region_prior = None

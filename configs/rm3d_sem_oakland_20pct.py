@@ -3,4 +3,4 @@
 # Score on Oakland's test tiles: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_oakland.py', './_base_/budgets/points_20pct.py']
 # Things of no class stand in the tiles; with so many points annotated by chance they are those of which none was.
-strategy = dict(missing_points=4.0)
+region_prior = dict(missing_points=4.0)

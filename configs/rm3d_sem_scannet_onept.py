@@ -2,5 +2,5 @@
 # Run: python tools/train.py configs/rm3d_sem_scannet_onept.py [--demo]
 # Score on ScanNet: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_scannet.py', './_base_/budgets/points_onept.py']
-# A class has one label a scene: nothing corrects one that spreads too far.
-strategy = dict(spread_extent=1.75)
+# A class has one label a scene: nothing corrects one that propagates too far.
+propagation = dict(max_extent=1.75)

@@ -2,6 +2,6 @@
 # Run: python tools/train.py configs/rm3d_sem_vkitti_20pts.py [--demo]
 # Score on vKITTI 3D: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_vkitti.py', './_base_/budgets/points_20pts.py']
-level_reach = 3.0  # m; of use with --demo
+ground_reach = 3.0  # m; of use with --demo
 # So few labelled points say little: with more of the loss they make it noisy.
 demo = dict(annotated_share=0.1)

@@ -3,4 +3,4 @@
 # Score on Oakland's test tiles: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_oakland.py', './_base_/budgets/points_0p1pct.py']
 label_refreshes = 1  # the first labels stay
-spread = False  # training sees the annotated points alone
+propagate = False  # training sees the annotated points alone

@@ -3,4 +3,4 @@
 # Score on S3DIS: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_s3dis.py', './_base_/budgets/points_full.py']
 label_refreshes = 1  # the labels stay
-spread = False  # nothing is left to spread to
+propagate = False  # nothing is left to propagate to

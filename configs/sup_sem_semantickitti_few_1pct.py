@@ -3,4 +3,4 @@
 # Score on SemanticKITTI: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_semantickitti_few.py', './_base_/budgets/points_1pct.py']
 label_refreshes = 1  # the first labels stay
-spread = False  # training sees the annotated points alone
+propagate = False  # training sees the annotated points alone

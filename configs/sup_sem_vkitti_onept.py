@@ -3,4 +3,4 @@
 # Score on vKITTI 3D: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
 _base_ = ['./_base_/variants/sem_vkitti.py', './_base_/budgets/points_onept.py']
 label_refreshes = 1  # the first labels stay
-spread = False  # training sees the annotated points alone
+propagate = False  # training sees the annotated points alone

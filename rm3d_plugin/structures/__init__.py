@@ -2,6 +2,7 @@
 
 from rm3d_plugin.structures.boxes3d import Boxes3D
 from rm3d_plugin.structures.descriptors import Descriptors
+from rm3d_plugin.structures.label_statistics import LabelStatistics
 from rm3d_plugin.structures.point_cloud import PointCloud, SceneError
 from rm3d_plugin.structures.pseudo_labels import UNLABELLED, PseudoLabels
 from rm3d_plugin.structures.regions import RegionGraph, Regions, number_by_first_point
@@ -11,6 +12,7 @@ __all__ = [
     'UNLABELLED',
     'Boxes3D',
     'Descriptors',
+    'LabelStatistics',
     'PointCloud',
     'PseudoLabels',
     'RegionGraph',

@@ -12,7 +12,7 @@ from reference.toy_scenes import ToyRooms
 from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.datasets.synthetic import DEMO_SCENES
 from rm3d_plugin.engine.config import ConfigError, load_config
-from rm3d_plugin.labeling import PointBudgetSource, SegmentationLabelMaker
+from rm3d_plugin.labeling import AnnotatedLabelMaker, LabelMaker, PointBudgetSource, SegmentationLabelMaker
 from rm3d_plugin.models.segmentors import RM3DSegmentor
 from rm3d_plugin.registry import DATASETS, HOOKS, METRICS, MODELS, SCOPE, TASK_UTILS
 
@@ -56,8 +56,8 @@ def toy_rooms() -> ToyRooms:
     return ToyRooms(1)
 
 
-def build_label_maker(config) -> SegmentationLabelMaker:
-    """The label_maker of a config, on toy rooms."""
+def build_label_maker(config) -> LabelMaker:
+    """The label maker of a config, on toy rooms."""
     hook = next(hook for hook in config.custom_hooks if hook.type == 'RegionMergeHook')
     assert (hook.interval, hook.rounds) == (config.sigma, config.label_refreshes)
     with pytest.raises(DatasetNotFoundError):  # the source of the config is well-formed: it looks for its data
@@ -95,7 +95,8 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
     assert config.test_evaluator == config.val_evaluator
     assert [step.max_points for step in config.train_pipeline if 'Crop' in step.type] == [config.crop_points]
     assert config.budget == ({'clicks': 'clicks.csv'} if budget == 'clicks' else budget)
-    assert build_label_maker(config).spread == path.stem.startswith('rm3d')
+    kind = SegmentationLabelMaker if path.stem.startswith('rm3d') else AnnotatedLabelMaker
+    assert type(build_label_maker(config)) is kind
     periods = config.param_scheduler[0].get('periods')
     assert periods is None or sum(periods) == config.epochs
     if demo:
@@ -107,9 +108,9 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
 def test_references_keep_their_first_labels_and_learn_no_offset_from_few_points(path, tmp_path):
     config = load(path, tmp_path)
     if path.stem.startswith('rm3d'):
-        assert config.label_refreshes == config.rounds and config.spread
+        assert config.label_refreshes == config.rounds and config.propagate
         return
-    assert config.label_refreshes == 1 and not config.spread
+    assert config.label_refreshes == 1 and not config.propagate
     if '_ins_' in path.stem:
         head = model_of(config).instance_head
         taught, full = head.loss_part.loss_weight > 0, path.stem.endswith('full')

@@ -127,6 +127,9 @@ class BlockNet(BaseModel):
         self.net = nn.Sequential(nn.Linear(1, 16), nn.ReLU(), nn.Linear(16, 2))
         self.aug_loss, self.dice_loss, self.head = (MODELS.build(part) for part in (aug_loss, dice_loss, head))
 
+    def set_label_statistics(self, statistics):
+        self.annotated = statistics.class_counts.tolist()
+
     def forward(self, inputs, data_samples, mode='tensor'):
         (xyz,), (sample,) = inputs, data_samples
         logits = self.net(4 * xyz[:, 2:])

@@ -51,7 +51,7 @@ def test_every_scan_gets_the_settings_of_own_scans(tmp_path):
         leaf = write_leaf(Scan(f'A scan/{data}', name, {'threads': 1}), tmp_path)
         assert leaf.name == f'a_scan_{data.lower()}.py'
         config = load_config(leaf, tmp_path)
-        for key in ('sigma', 'voxel_size', 'gamma', 'strategy', 'train_pipeline', 'point_columns'):
+        for key in ('sigma', 'voxel_size', 'merge', 'propagation', 'region_prior', 'train_pipeline', 'point_columns'):
             assert config[key] == own[key]
         assert config.oversegmenter.rest == own.oversegmenter.rest
         dataset = config.val_dataloader.dataset

@@ -1,5 +1,7 @@
 # The hooks of every run; `label_maker` makes the labels of each round from regions and what the budget shows (METHOD 1).
 graph_neighbors = 8
+strategy = 'default'  # 'paper': `merge` alone, the method as the paper has it
+self_training = dict()  # e.g. self_training.cbst_fraction=.2; None: off
 label_maker = dict(
     store='${work_dir}/labels',
     cache='${cache_dir}',
@@ -7,6 +9,8 @@ label_maker = dict(
     descriptor='${descriptor}',
     oversegmenter='${oversegmenter}',
     strategy='${strategy}',
+    merge='${merge}',
+    self_training='${self_training}',
     graph_neighbors='${graph_neighbors}',
     max_gap='${max_gap}',
 )

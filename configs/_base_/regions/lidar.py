@@ -15,12 +15,13 @@ max_gap = 0.6  # m between adjacent regions
 # objects are none, and no confidence means the same for every class and budget. So every group that is more likely an
 # object than not becomes a candidate, its score asks the predicted boxes too, and the best share of each class, over all
 # scenes, becomes pseudo boxes. The network alone never makes background.
-rules = dict(
+objects = dict(
+    gamma=0.4,
     class_gamma=[0.4, 0.4, 0.4, 1.1],  # as classes, then background
     support_iou=0.2,
     seen_height=[0.0, 0.7, 0.7],  # people are seen up to their heads
     seen_length=[0.0, 0.2, 0.2],
-    quota=[0.4, 0.45, 0.5, 0.5],
+    top_fraction=[0.4, 0.45, 0.5, 0.5],
 )
-strategy = dict(rounds='${rounds}', gamma=0.4, centre_distance=[1.2, 0.5, 0.7, None])
-label_maker = dict(type='DetectionLabelMaker', source=dict(type='BoxBudgetSource'), rules='${rules}')
+merge = dict(rounds='${rounds}', centre_distance=[1.2, 0.5, 0.7, None])  # m
+label_maker = dict(type='DetectionLabelMaker', source=dict(type='BoxBudgetSource'), objects='${objects}')

@@ -18,13 +18,10 @@ ground_cell = 1.5  # m; smaller where ground has many classes
 region_reach = 0.3  # m between points of a region, at the sensor
 region_reach_growth = 0.01  # m a metre of range, where the sensor is known
 max_gap = 0.6  # m between adjacent regions
-gamma = 0.6  # of prior and network together, from which a region is confident
-strategy = dict(
-    rounds='${rounds}',
-    centre_distance=1.0,
-    gamma='${gamma}',
-    region_prior=True,
-    prior_looks='kernel',  # a lidar sees all scans from one place, and as many points of each class may be annotated
-    prior_scale=1.0,  # m: small things of a class stand anywhere
-    inverse_temperature=1.0,
+merge = dict(rounds='${rounds}', centre_distance=1.0)  # m
+region_prior = dict(
+    _delete_=True,
+    gamma=0.6,
+    classifier='kernel',  # a lidar sees all scans from one place, and as many points of each class may be annotated
+    distance_scale=1.0,  # m: small things of a class stand anywhere
 )

@@ -21,9 +21,10 @@ demo = dict(
     ground_cell=4.0,
     annotated_share=0.2,
     oversegmenter=dict(rest=dict(zeta=0.05)),
-    strategy=dict(mixed_regions='nearest', spread_extent=3.0, level_regions=0.95, level_reach='${level_reach}'),
+    propagation=dict(_delete_=True, max_extent=3.0),
+    ground=dict(_delete_=True, max_distance='${ground_reach}'),
 )
-level_reach = None  # m; of budgets of a few points a scene, which say nothing of what lies far off
+ground_reach = None  # m; of budgets of a few points a scene, which say nothing of what lies far off
 one_cycle = [
     dict(
         type='OneCycleLR',

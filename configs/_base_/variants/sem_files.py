@@ -12,7 +12,7 @@ sigma = 20
 periods = [20, 40]
 learning_rate = 1e-2
 class_power = 0.5
-gamma = 0.75
+region_prior = dict(gamma=0.75)
 voxel_size = 0.4  # m
 crop_points = 1000000  # larger scans are learnt and predicted in parts
 model = dict(inference=dict(max_points='${crop_points}'))
@@ -36,6 +36,6 @@ eval_pipeline = [
     dict(type='HeightAboveGround'),
     dict(type='PackScene'),
 ]
-strategy = dict(mixed_regions='nearest')
+propagation = dict(_delete_=True)
 oversegmenter = dict(rest=dict(min_region=40))
 checkpoint_interval = '${sigma}'

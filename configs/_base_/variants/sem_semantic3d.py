@@ -7,5 +7,5 @@ _base_ = [
     '../schedules/segmentation.py',
     '../schedules/demo_streets.py',
 ]
-strategy = dict(prior_looks='neighbors', inverse_temperature=2.0)  # few stations, each unlike the others
+region_prior = dict(classifier='neighbors', inverse_temperature=2.0)  # few stations, each unlike the others
 demo = dict(demo_data=dict(scenes='semantic3d_streets', num_train=12, num_val=3, seed=0))

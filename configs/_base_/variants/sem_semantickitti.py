@@ -7,9 +7,9 @@ _base_ = [
     '../schedules/segmentation.py',
     '../schedules/demo_streets.py',
 ]
-strategy = dict(heading=True)  # a vehicle's scans
+region_prior = dict(heading=True)  # a vehicle's scans
 demo = dict(
     demo_data=dict(scenes='semantickitti_streets', num_train=64, num_val=14, seed=0),
     sigma=6,
-    strategy=dict(level_looks=True),
+    ground=dict(classifier='kernel', heading=True),
 )

@@ -26,9 +26,8 @@ train_pipeline = [
 ]
 crop_points = 16000
 class_power = 0.7
-gamma = 0.9
 # So few scans teach a network that is best trusted little, and what regions may be no better than single examples do.
-strategy = dict(prior_looks='neighbors', prior_scale=None)
+region_prior = dict(gamma=0.9, classifier='neighbors', distance_scale=None)
 sigma = 80
 periods = [80, 160]  # epochs, each one crop of each scan
 checkpoint_interval = '${sigma}'

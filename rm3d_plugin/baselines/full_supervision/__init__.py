@@ -7,8 +7,8 @@ FULL_SUPERVISION = Baseline(
     title='all {labels}',
     leaf='sup_{task}_{data}_full',
     options={
-        'sem': {'label_refreshes': 1, 'spread': False, 'budget': 'full'},
-        'ins': {'label_refreshes': 1, 'spread': False, 'budget': 'full'},
+        'sem': {'label_refreshes': 1, 'propagate': False, 'budget': 'full'},
+        'ins': {'label_refreshes': 1, 'propagate': False, 'budget': 'full'},
         'votenet': {'label_refreshes': 1, 'budget': 'full'},
     },
 )

@@ -7,10 +7,10 @@ LABELLED_ONLY = Baseline(
     title='labelled {labels} alone',
     leaf='sup_{task}_{data}_{budget}',
     options={
-        'sem': {'label_refreshes': 1, 'spread': False},
+        'sem': {'label_refreshes': 1, 'propagate': False},
         'ins': {
             'label_refreshes': 1,
-            'spread': False,
+            'propagate': False,
             'dice_loss': None,
             'point_group.offset_loss.loss_weight': 0.0,
             'point_group.proposals.coordinates': 'original',

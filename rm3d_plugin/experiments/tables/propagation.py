@@ -30,9 +30,10 @@ SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
 OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
 SETTINGS = """
     rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline crop_points
-    point_columns voxel_size widths blocks class_power gamma strategy oversegmenter batch_size votes
+    point_columns voxel_size widths blocks class_power strategy oversegmenter batch_size votes
     superpoint_smoothing logit_adjustment
 """.split()  # of those that are about scans with few labels, not about a data set
+RULES = ('merge', 'propagation', 'region_prior', 'ground', 'self_training')
 SCORED = [
     {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'keep_labels': True},
     {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'prefix': 'network'},
@@ -141,7 +142,7 @@ def write_leaf(scan: Scan, folder: Path) -> Path:
         folder: Where ``NAME.py`` is written.
     """
     own = Config.fromfile(str(config_path(OWN_SCANS)))
-    keys = {name: own[name] for name in SETTINGS}
+    keys = {name: own[name] for name in SETTINGS} | {name: _replacing(own[name]) for name in RULES}
     keys |= {'budget': BUDGET, 'val_evaluator': SCORED, 'voxel_downsample': None, **scan.options}
     plain = Config(keys).to_dict()
     lines = [
@@ -151,6 +152,11 @@ def write_leaf(scan: Scan, folder: Path) -> Path:
     ]
     name = scan.name.replace(' ', '_').replace('/', '_').lower()
     return write_text(folder / f'{name}.py', '\n'.join(lines) + '\n')
+
+
+def _replacing(rules: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Rules that take the place of those of a leaf, whatever it has."""
+    return None if rules is None else {**rules, '_delete_': True}
 
 
 def score_scan(scan: Scan, request: Request) -> PropagationScores:

@@ -18,7 +18,7 @@ from rm3d_plugin.models.heads.vote_targets import ProposalTargets
 from rm3d_plugin.models.view_statistics import kept_statistics
 from rm3d_plugin.ops.grouping import gather_groups
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import SceneSample
+from rm3d_plugin.structures import LabelStatistics, SceneSample
 
 _COMMON_POINTS = 1000  # METHOD 7
 
@@ -109,6 +109,11 @@ class RM3DVoteNet(BaseModel):
     def set_mean_sizes(self, sizes: Float[Tensor, 'classes 3']) -> None:
         """Set the size templates of the vote head (metres)."""
         self.vote_head.set_mean_sizes(sizes)
+
+    def set_label_statistics(self, statistics: LabelStatistics) -> None:
+        """Set the size templates to those of the annotated boxes, where each class has any."""
+        if statistics.mean_sizes is not None:
+            self.set_mean_sizes(torch.tensor(statistics.mean_sizes, dtype=torch.float32))
 
     def forward(
         self,

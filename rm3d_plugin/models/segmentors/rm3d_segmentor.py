@@ -23,7 +23,7 @@ from rm3d_plugin.models.segmentors.scene_inference import (
 from rm3d_plugin.models.segmentors.scene_instances import scene_instances
 from rm3d_plugin.models.view_statistics import kept_statistics
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import SceneError, SceneSample
+from rm3d_plugin.structures import LabelStatistics, SceneError, SceneSample
 
 _COMMON_POINTS = 1000  # METHOD 7
 
@@ -118,6 +118,10 @@ class RM3DSegmentor(BaseModel):
     def set_class_counts(self, counts: Num[Tensor, ' classes']) -> None:
         """Tell how many labels of each class the budget shows; used by ``balance='frequency'``."""
         self.semantic_head.set_class_counts(counts)
+
+    def set_label_statistics(self, statistics: LabelStatistics) -> None:
+        """Tell how many labels of each class the budget shows."""
+        self.set_class_counts(torch.from_numpy(statistics.class_counts))
 
     def forward(
         self,

@@ -1,0 +1,117 @@
+"""When a group of points is an object, and every rule of a detection run's labels."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
+from rm3d_plugin.pseudo_labels.common.strategy import Strategy, is_paper, optional_rules, with_gamma
+from rm3d_plugin.regions import MergeRules
+from rm3d_plugin.structures.check_field import check_choice, check_field
+
+BoxKind = Literal['completed', 'tight', 'axis_aligned']
+
+
+@dataclass(frozen=True)
+class ObjectRules:
+    """When a group of points is an object, and when a region cannot be one.
+
+    Attributes:
+        gamma: Confidence from which a group is a candidate, in place of ``MergeRules.gamma``. None: the same.
+        class_gamma: Confidence from which the network gives a group a class, for each class, background last; above 1:
+            never; None: ``gamma`` for all. Classes differ in how soon a network is sure of them. And objects that
+            nobody annotated are taught as background at first, so a network that is sure of background may be sure of
+            its own prejudice; geometry's background is not concerned.
+        box: 'completed': from the faces that the sensor saw to the usual size of the class. 'tight': around the
+            points, turned to fit their sides. 'axis_aligned': around the points, along the axes of the scene (as the
+            paper has it, METHOD 7).
+        min_points: Fewest points of a pseudo box; larger: fewer, better boxes.
+        max_excess: A group larger than this times its class's usual size is not one object.
+        max_iou: Overlap from above that two boxes may have.
+        background_ratio: A region larger or higher than this times every class's usual size is background.
+        part_share: Where this share of a region is confidently of another class than the rest, it is cut out; above 1:
+            regions stay whole.
+        support_iou: Overlap, seen from above, from which a box that the network predicts speaks for a group of its
+            class: the group's score becomes the geometric mean of its own and the best such box's, 0 where there is
+            none. None: the group's own.
+        seen_height: Share of the usual height that the points of an object must reach, for each class; objects show
+            their top unless something hangs over them. None: any.
+        seen_length: Share of the usual length that they must span, for each class. None: any.
+        top_fraction: Share of all candidates of a class, best scores first, that become pseudo boxes: in the first
+            round with predictions, in the second, ...; the last number holds from there on. Smaller: fewer and purer.
+            None: all.
+    """
+
+    gamma: float | None = None
+    class_gamma: tuple[float, ...] | None = None
+    box: BoxKind = 'completed'
+    min_points: int = 8
+    max_excess: float = 1.35
+    max_iou: float = 0.1
+    background_ratio: float = 1.5
+    part_share: float = 0.25
+    support_iou: float | None = None
+    seen_height: tuple[float, ...] | None = None
+    seen_length: tuple[float, ...] | None = None
+    top_fraction: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        check_choice(self, 'box', get_args(BoxKind))
+        check_field(self, 'gamma', self.gamma is None or 0 < self.gamma <= 1, 'a probability in (0, 1], or None')
+        fractions = self.top_fraction
+        good = fractions is None or (len(fractions) > 0 and all(0 < share <= 1 for share in fractions))
+        check_field(self, 'top_fraction', good, 'shares above 0 and up to 1, or None')
+        for name, low in (
+            ('min_points', 1),
+            ('max_excess', 1),
+            ('background_ratio', 1),
+            ('max_iou', 0),
+            ('part_share', 0),
+        ):
+            check_field(self, name, getattr(self, name) >= low, f'at least {low}')
+
+
+AS_PRINTED = ObjectRules(box='axis_aligned', part_share=2.0)
+"""METHOD 7 alone: every confident group, whole, in its axis-aligned box."""
+
+
+@dataclass(frozen=True)
+class DetectionRules:
+    """How labels of points and boxes are made.
+
+    Attributes:
+        merge: How regions merge (the paper).
+        objects: When a group is an object.
+        self_training: How a round's new labels are limited; None: they are not.
+    """
+
+    merge: MergeRules
+    objects: ObjectRules = ObjectRules()
+    self_training: SelfTrainingRules | None = None
+
+
+def detection_rules(
+    strategy: Strategy = 'default',
+    merge: Mapping[str, Any] | None = None,
+    objects: Mapping[str, Any] | None = None,
+    self_training: Mapping[str, Any] | None = None,
+) -> DetectionRules:
+    """The rules of a run from the fields that its config gives.
+
+    Args:
+        strategy: 'paper': ``merge`` and :data:`AS_PRINTED` boxes, the method as METHOD 6 and 7 have it; the rest is not
+            read. 'default': all.
+        merge: Fields of :class:`~rm3d_plugin.regions.MergeRules`.
+        objects: Fields of :class:`ObjectRules`. Its ``gamma`` takes the place of that of
+            ``merge``, which is then left out.
+        self_training: Fields of :class:`SelfTrainingRules`, or None.
+
+    Raises:
+        ValueError: A value is not allowed; the message names class and field.
+    """
+    merging = MergeRules(**(merge or {}))
+    if is_paper(strategy):
+        return DetectionRules(merging, AS_PRINTED)
+    rules = ObjectRules(**(objects or {}))
+    merging = with_gamma(merging, merge, rules.gamma, 'ObjectRules.gamma')
+    return DetectionRules(merging, rules, optional_rules(SelfTrainingRules, self_training))

@@ -1,0 +1,37 @@
+"""Old names of options lead to fields and keys that there are."""
+
+from dataclasses import fields
+
+import pytest
+
+from rm3d_plugin.engine.renamed_options import HINTS, RENAMED
+from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
+from rm3d_plugin.pseudo_labels.detection.rules import ObjectRules
+from rm3d_plugin.pseudo_labels.ground.rules import GroundRules
+from rm3d_plugin.pseudo_labels.region_prior.rules import RegionPriorRules
+from rm3d_plugin.pseudo_labels.segmentation.propagation import PropagationRules
+from rm3d_plugin.regions import MergeRules
+
+RULES = {
+    'merge': MergeRules,
+    'propagation': PropagationRules,
+    'region_prior': RegionPriorRules,
+    'ground': GroundRules,
+    'self_training': SelfTrainingRules,
+    'objects': ObjectRules,
+}
+
+
+@pytest.mark.parametrize('old', sorted(RENAMED))
+def test_the_new_name_is_a_field_of_the_rules(old):
+    group, _, name = RENAMED[old].partition('.')
+    assert group not in ('strategy', 'rules') and RENAMED[old] not in RENAMED
+    if name:
+        assert name in [item.name for item in fields(RULES[group])]
+    if not RENAMED[old]:
+        assert HINTS[old]
+
+
+def test_hints_are_of_renamed_options_and_every_class_of_rules_is_small():
+    assert set(HINTS) <= set(RENAMED)
+    assert all(len(fields(rules)) <= 16 for rules in RULES.values())
