@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         action=DictAction,
         metavar='KEY=VALUE',
         help='decide the merges of the round again without training: tau (what the compared mean must reach) and any '
-        'field of MergeStrategy, gamma=.8 use_color=False thresholds=literal quota=.2 say',
+        'field of MergeRules or cbst_fraction, gamma=.8 thresholds=literal cbst_fraction=.2 say',
     )
     parser.add_argument(
         '--ledger', nargs='?', const=10, type=int, metavar='COUNT', help='list strongest and weakest merges; default 10'

@@ -98,8 +98,7 @@ def prepare(config: Config, jobs: int = 1) -> None:
     check_data(config, 'label_dataloader')
     with config_errors(config):
         label_maker = TASK_UTILS.build(hooks[0].label_maker)
-    label_maker.prepare(jobs)
-    print(f'geometry of {len(label_maker.source.scene_ids)} scenes is in {label_maker.cache.root}')
+    print(label_maker.prepare(jobs))
 
 
 def clear_run(work_dir: Path) -> None:

@@ -1,18 +1,22 @@
-"""Label sources and label makers: one scene's geometry, known labels and prediction in, its labels out."""
+"""Label sources and label makers: one scene's geometry, annotated labels and prediction in, its labels out."""
 
+from rm3d_plugin.labeling.annotated import AnnotatedLabelMaker
 from rm3d_plugin.labeling.detection import DetectionLabelMaker
-from rm3d_plugin.labeling.label_maker import LabelMaker, PointPrediction
+from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.labeling.point_source import PointBudgetSource
-from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker
+from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
+from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker, point_label_maker
 from rm3d_plugin.labeling.sources import BoxBudgetSource, DatasetSource, LabelSource
 
 __all__ = [
-    'LabelMaker',
+    'AnnotatedLabelMaker',
     'BoxBudgetSource',
     'DatasetSource',
+    'DetectionLabelMaker',
+    'LabelMaker',
     'LabelSource',
     'PointBudgetSource',
+    'PreparedScenes',
     'SegmentationLabelMaker',
-    'PointPrediction',
-    'DetectionLabelMaker',
+    'point_label_maker',
 ]

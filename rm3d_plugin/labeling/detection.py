@@ -1,27 +1,37 @@
 """Where making labels meets learning from them, in detection."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
 from rm3d_plugin.evaluation.functional import SceneTruth
-from rm3d_plugin.labeling.label_maker import LabelMaker, PointPrediction, SceneLabels
+from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
+from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
 from rm3d_plugin.labeling.round_summary import summarise_boxes
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
-from rm3d_plugin.pseudo_labels import AnnotatedLabels, ObjectRules, RefreshResult, refresh_detection
-from rm3d_plugin.pseudo_labels.detection.boxes import size_priors
-from rm3d_plugin.pseudo_labels.detection.objects import Evidence, score_limits
+from rm3d_plugin.pseudo_labels import (
+    AnnotatedLabels,
+    ObjectKnowledge,
+    PointPrediction,
+    RefreshResult,
+    RoundContext,
+    SceneInputs,
+    detection_rules,
+    refresh_detection,
+)
+from rm3d_plugin.pseudo_labels.common.strategy import Strategy
+from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes
+from rm3d_plugin.pseudo_labels.detection.objects import score_limits
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.structures import Boxes3D, LabelStatistics
+from rm3d_plugin.structures import Boxes3D, LabelStatistics, PointCloud, Regions
 
-JUDGED_SCENES = 200  # of each process; their predictions are kept in memory while a quota is found
+RANKED_SCENES = 200  # of each process; their predictions are kept in memory while the best candidates are ranked
 
 
 @TASK_UTILS.register_module()
@@ -30,78 +40,105 @@ class DetectionLabelMaker(LabelMaker):
 
     Args:
         store: Folder of the label store.
-        cache: Folder of prepared geometry.
         source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
-        descriptor: Config of a descriptor provider.
-        oversegmenter: Config of an over-segmenter.
+        strategy: 'default', or 'paper': ``merge`` and boxes as printed; see
+            :func:`~rm3d_plugin.pseudo_labels.detection.rules.detection_rules`, as the next three.
+        merge: Fields of :class:`~rm3d_plugin.regions.MergeRules`.
+        objects: Fields of :class:`~rm3d_plugin.pseudo_labels.ObjectRules`.
+        self_training: Fields of :class:`~rm3d_plugin.pseudo_labels.SelfTrainingRules`, or None; ``holdout`` is of
+            segmentation.
         default_sizes: (C, 3) metres, for classes without an annotated box.
-        rules: Fields of :class:`~rm3d_plugin.pseudo_labels.ObjectRules`.
-        settings: Further arguments of :class:`LabelMaker`.
+        geometry: Further arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`: ``cache``,
+            ``descriptor``, ``oversegmenter``, ``graph_neighbors``, ``max_gap``.
+
+    Attributes:
+        rules: How labels are made.
+        scenes: Geometry by scene.
     """
+
+    task: ClassVar[Task] = 'detection'
 
     def __init__(
         self,
         store: str | Path,
-        cache: str | Path,
         source: Mapping[str, Any] | LabelSource,
-        descriptor: Mapping[str, Any],
-        oversegmenter: Mapping[str, Any],
+        strategy: Strategy = 'default',
+        merge: Mapping[str, Any] | None = None,
+        objects: Mapping[str, Any] | None = None,
+        self_training: Mapping[str, Any] | None = None,
         default_sizes: Sequence[Sequence[float]] | None = None,
-        rules: Mapping[str, Any] | None = None,
-        **settings: Any,
+        **geometry: Any,
     ) -> None:
-        super().__init__(store, cache, source, descriptor, oversegmenter, **settings)
+        super().__init__(store, source)
+        self.rules = detection_rules(strategy, merge, objects, self_training)
+        self.scenes = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._default_sizes = None if default_sizes is None else np.asarray(default_sizes, dtype=np.float64)
-        self._rules = ObjectRules(**(rules or {}))
-        self._known: dict[str, AnnotatedLabels] = {}
         self._limits: Float[np.ndarray, ' classes'] | None = None
+        self.forget()
 
-    def needs_geometry(self) -> bool:
-        """True: every label but the annotated ones comes from regions."""
-        return True
+    def _cloud(self, scene_id: str) -> PointCloud:
+        return self.source.load_cloud(self.index_of[scene_id])
 
-    def seeds(self, scene_id: str) -> Int[np.ndarray, ' seeds'] | None:
-        """None: the points in an annotated box are no better starts than others."""
-        return None
+    def prepare(self, jobs: int = 1) -> str:
+        """Fill the geometry cache."""
+        return self.scenes.prepare(self.index_of, jobs)
 
-    @cached_property
-    def priors(self) -> Float[np.ndarray, 'classes 3']:
+    def forget(self) -> None:
+        """Annotated labels, sizes and counts are read anew."""
+        self._annotated: dict[str, AnnotatedLabels] = {}
+        self._mean_sizes: Float[np.ndarray, 'classes 3'] | None = None
+        self._class_counts: Int[np.ndarray, ' classes'] | None = None
+
+    # ------------------------------------------------------------------ annotated labels
+
+    def annotated(self, scene_id: str) -> AnnotatedLabels:
+        """Annotated labels of a scene."""
+        if scene_id not in self._annotated:
+            self._annotated[scene_id] = self.source.annotated_labels(self.index_of[scene_id])
+        return self._annotated[scene_id]
+
+    @property
+    def mean_sizes(self) -> Float[np.ndarray, 'classes 3']:
         """Median sizes of the annotated boxes by class, metres; ``default_sizes`` (or NaN) for a class without any."""
-        known = [self._annotated(scene).boxes for scene in self.index_of]
-        boxes = np.concatenate([b.tensor for b in known]) if known else np.zeros((0, 7))
-        labels = np.concatenate([b.labels for b in known]) if known else np.zeros(0, dtype=np.int64)
-        sizes = size_priors(boxes, labels, len(self.source.classes))
-        if self._default_sizes is not None:
-            sizes = np.where(np.isfinite(sizes), sizes, self._default_sizes)
-        return sizes
+        if self._mean_sizes is None:
+            boxes = _joined([self.annotated(scene).boxes for scene in self.index_of])
+            sizes = median_sizes(boxes.tensor, boxes.labels, len(self.source.classes))
+            if self._default_sizes is not None:
+                sizes = np.where(np.isfinite(sizes), sizes, self._default_sizes)
+            self._mean_sizes = sizes
+        return self._mean_sizes
 
-    @cached_property
+    @property
     def class_counts(self) -> Int[np.ndarray, ' classes']:
         """Annotated boxes of each class."""
-        labels = np.concatenate([self._annotated(scene).boxes.labels for scene in self.index_of])
-        return np.bincount(labels, minlength=len(self.source.classes))
+        if self._class_counts is None:
+            labels = _joined([self.annotated(scene).boxes for scene in self.index_of]).labels
+            self._class_counts = np.bincount(labels, minlength=len(self.source.classes))
+        return self._class_counts
 
-    def inform(self, model: Any) -> None:
-        """Tell the model how many boxes of each class are annotated, and their sizes where all are known."""
-        sizes = self.priors if np.isfinite(self.priors).all() else None
-        model.set_label_statistics(LabelStatistics(self.class_counts, sizes))
+    def statistics(self) -> LabelStatistics:
+        """Counts and sizes of the annotated boxes."""
+        return LabelStatistics(self.class_counts, self.mean_sizes if np.isfinite(self.mean_sizes).all() else None)
+
+    # ------------------------------------------------------------------ labels
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions, find objects, complete the boxes."""
         result = self._result(number, scene_id, prediction, self._limits if number else None)
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 
-    def refresh_all(self, number: int, predictions: Iterable[tuple[str, PointPrediction]]) -> None:
-        """With a quota, the first scenes of each process tell which score is among the best of its class."""
-        rest = iter(predictions)
-        first: list[tuple[str, PointPrediction]] = []
+    def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
+        """The first scenes of each process tell which score is among the best of its class, where that is asked."""
+        fractions = self.rules.objects.top_fraction
         self._limits = None
-        if self._rules.quota is not None:
-            first = list(islice(rest, JUDGED_SCENES))
-            found = [self._result(number, scene, seen, None).candidates for scene, seen in first]
-            everywhere = [boxes for part in all_gather_object(found) for boxes in part]
-            self._limits = score_limits(_joined(everywhere), len(self.priors), self._rules.quota, number)
-        super().refresh_all(number, chain(first, rest))
+        if fractions is None:
+            return predictions
+        rest = iter(predictions)
+        first = list(islice(rest, RANKED_SCENES))
+        found = [self._result(number, scene, seen, None).candidates for scene, seen in first]
+        everywhere = [boxes for part in all_gather_object(found) for boxes in part]
+        self._limits = score_limits(_joined(everywhere), len(self.mean_sizes), fractions, number)
+        return chain(first, rest)
 
     def _result(
         self,
@@ -110,33 +147,25 @@ class DetectionLabelMaker(LabelMaker):
         prediction: PointPrediction | None,
         limits: Float[np.ndarray, ' classes'] | None,
     ) -> RefreshResult:
-        scene = self.prepared(scene_id)
+        geometry = self.scenes.get(scene_id)
+        previous = self.store.read(scene_id, number - 1) if number else None
         return refresh_detection(
-            scene.cloud,
-            scene.regions,
-            scene.graph,
-            self._annotated(scene_id),
-            None if prediction is None else prediction.probabilities,
-            None if prediction is None else prediction.centers,
-            self.store.read(scene_id, number - 1) if number else None,
-            self.strategy,
-            number,
-            self.priors,
-            self.class_counts,
-            segment_ground(scene.cloud.xyz).height,
-            self._rules,
-            Evidence(None if prediction is None else prediction.boxes, limits),
+            SceneInputs(geometry, self.annotated(scene_id), prediction, previous),
+            RoundContext(number, self.rules, self.class_counts),
+            ObjectKnowledge(self.mean_sizes, segment_ground(geometry.cloud.xyz).height, limits),
         )
 
-    def summarise_round(self, number: int) -> dict[str, Any]:
+    def check(self, number: int, log: Log) -> None:
+        """Nothing is kept aside."""
+
+    def regions(self, scene_id: str) -> Regions | None:
+        """The partition."""
+        return self.scenes.get(scene_id).regions
+
+    def evaluate(self, number: int) -> dict[str, Any]:
         """Coverage and precision of the points, and which pseudo boxes are correct."""
         scenes = [(self.store.read(scene, number), self._truth(index)) for scene, index in self.index_of.items()]
         return summarise_boxes(scenes, self.source.classes)
-
-    def _annotated(self, scene_id: str) -> AnnotatedLabels:
-        if scene_id not in self._known:
-            self._known[scene_id] = self.annotated(scene_id)
-        return self._known[scene_id]
 
     def _truth(self, index: int) -> SceneTruth | None:
         truth = self.source.truth(index)
@@ -147,7 +176,7 @@ class DetectionLabelMaker(LabelMaker):
         return SceneTruth(truth.semantic, boxes=truth.boxes, ranges=ranges)
 
 
-def _joined(parts: Sequence[Boxes3D]) -> Boxes3D:
+def _joined(parts: Iterable[Boxes3D]) -> Boxes3D:
     boxes = [Boxes3D.empty(), *parts]
     columns = zip(*((part.tensor, part.labels, part.scores) for part in boxes), strict=True)
     return Boxes3D(*(np.concatenate(column) for column in columns))

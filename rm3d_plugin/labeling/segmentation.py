@@ -1,26 +1,30 @@
 """Where making labels meets learning from them, in segmentation."""
 
 import zlib
-from collections.abc import Iterator, Mapping
-from functools import cached_property, reduce
+from collections.abc import Mapping
+from functools import reduce
 from operator import add
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
-from tqdm import tqdm
+from jaxtyping import Float, Int
 
-from rm3d_plugin.evaluation.functional import SceneTruth
-from rm3d_plugin.labeling.label_maker import LabelMaker, Log, PointPrediction, SceneLabels
-from rm3d_plugin.labeling.round_summary import summarise_points
+from rm3d_plugin.labeling.annotated import AnnotatedLabelMaker, annotated_only, evaluate_points
+from rm3d_plugin.labeling.knowledge import DatasetKnowledge
+from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
+from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
 from rm3d_plugin.labeling.sources import LabelSource
-from rm3d_plugin.pseudo_labels import AnnotatedLabels, refresh_points
-from rm3d_plugin.pseudo_labels.common.groups import point_values
-from rm3d_plugin.pseudo_labels.ground.classifier import GroundKnowledge, LevelScene, survey_ground
-from rm3d_plugin.pseudo_labels.ground.labels import LevelLabels, level_regions
-from rm3d_plugin.pseudo_labels.region_prior.prior import region_prior
-from rm3d_plugin.pseudo_labels.region_prior.statistics import RegionSurvey, survey_regions
+from rm3d_plugin.pseudo_labels import (
+    AnnotatedLabels,
+    PointPrediction,
+    RoundContext,
+    SceneInputs,
+    SceneKnowledge,
+    refresh_segmentation,
+    segmentation_rules,
+)
+from rm3d_plugin.pseudo_labels.common.strategy import Strategy
 from rm3d_plugin.pseudo_labels.segmentation.holdout import (
     Holdout,
     HoldoutErrors,
@@ -29,69 +33,92 @@ from rm3d_plugin.pseudo_labels.segmentation.holdout import (
     split_holdout,
     without_new_labels,
 )
-from rm3d_plugin.regions import MergeLedger
-from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PseudoLabels
+from rm3d_plugin.structures import LabelStatistics, PointCloud, Regions
 
 Seeds = Literal['none', 'annotated']
+PRIOR = 'region_prior'  # under which the label store keeps it
 
 
 @TASK_UTILS.register_module()
 class SegmentationLabelMaker(LabelMaker):
-    """Labels of segmentation: classes and instances of points, spread over regions (METHOD 1).
+    """Labels of segmentation: classes and instances of points, propagated over regions (METHOD 1).
 
-    Scenes of which everything is annotated keep their labels as they are. Where ``strategy.holdout`` keeps annotated
-    points aside, nothing but the check of a finished round knows them.
+    Scenes of which everything is annotated keep their labels as they are. Where ``self_training.holdout`` keeps
+    annotated points aside, nothing but the check of a finished round knows them.
 
     Args:
         store: Folder of the label store.
-        cache: Folder of prepared geometry.
         source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
-        descriptor: Config of a descriptor provider.
-        oversegmenter: Config of an over-segmenter.
+        strategy: 'default', or 'paper': ``merge`` alone; see
+            :func:`~rm3d_plugin.pseudo_labels.segmentation.rules.segmentation_rules`, as the next five.
+        merge: Fields of :class:`~rm3d_plugin.regions.MergeRules`.
+        propagation: Fields of :class:`~rm3d_plugin.pseudo_labels.PropagationRules`; None: off, as the next three.
+        region_prior: Fields of :class:`~rm3d_plugin.pseudo_labels.RegionPriorRules`.
+        ground: Fields of :class:`~rm3d_plugin.pseudo_labels.GroundRules`.
+        self_training: Fields of :class:`~rm3d_plugin.pseudo_labels.SelfTrainingRules`.
         seeds: 'annotated': regions grow from the annotated points first, as the paper has it (METHOD 5). 'none': they
             depend on the geometry alone, so runs with other budgets or seeds share them.
-        spread: False: training sees the annotated points alone (the weak baseline), no region is made and no point kept
-            aside.
-        seed: Of the draw of the points kept aside.
-        settings: Further arguments of :class:`LabelMaker`.
+        seed: Of the draw of the holdout.
+        geometry: Further arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`: ``cache``,
+            ``descriptor``, ``oversegmenter``, ``graph_neighbors``, ``max_gap``.
+
+    Attributes:
+        rules: How labels are made.
+        scenes: Geometry by scene.
+        known: What all scenes together tell of each.
     """
+
+    task: ClassVar[Task] = 'segmentation'
 
     def __init__(
         self,
         store: str | Path,
-        cache: str | Path,
         source: Mapping[str, Any] | LabelSource,
-        descriptor: Mapping[str, Any],
-        oversegmenter: Mapping[str, Any],
+        strategy: Strategy = 'default',
+        merge: Mapping[str, Any] | None = None,
+        propagation: Mapping[str, Any] | None = None,
+        region_prior: Mapping[str, Any] | None = None,
+        ground: Mapping[str, Any] | None = None,
+        self_training: Mapping[str, Any] | None = None,
         seeds: Seeds = 'annotated',
-        spread: bool = True,
         seed: int = 0,
-        **settings: Any,
+        **geometry: Any,
     ) -> None:
         if seeds not in get_args(Seeds):
             raise ValueError(
                 f'SegmentationLabelMaker.seeds: expected one of {", ".join(get_args(Seeds))}, got {seeds!r}'
             )
-        super().__init__(store, cache, source, descriptor, oversegmenter, **settings)
-        self.spread = spread
-        self._seeds = seeds
-        self._seed = seed
+        super().__init__(store, source)
+        self.rules = segmentation_rules(strategy, merge, propagation, region_prior, ground, self_training)
+        self.scenes = PreparedScenes(self._cloud, self.seeds, **geometry)
+        self._seeds, self._seed = seeds, seed
+        self.forget()
+
+    def _cloud(self, scene_id: str) -> PointCloud:
+        return self.source.load_cloud(self.index_of[scene_id])
+
+    def prepare(self, jobs: int = 1) -> str:
+        """Fill the geometry cache."""
+        return self.scenes.prepare(self.index_of, jobs)
+
+    def forget(self) -> None:
+        """Statistics and counts are made anew."""
+        scene_ids, classes = list(self.index_of), len(self.source.classes)
+        self.known = DatasetKnowledge(scene_ids, self.scenes, self.annotated, self.rules, classes)
+        self._class_counts: Int[np.ndarray, ' classes'] | None = None
+
+    # ------------------------------------------------------------------ annotated labels
 
     def holdout(self, scene_id: str) -> Holdout:
         """Annotated labels of a scene in two parts: what is trained on, and what checks the rounds."""
-        share = self.strategy.holdout if self.spread else 0.0
+        share = 0.0 if self.rules.self_training is None else self.rules.self_training.holdout
         rng = np.random.default_rng([self._seed, zlib.crc32(scene_id.encode())])
-        return split_holdout(super().annotated(scene_id), share, rng)
+        return split_holdout(self.source.annotated_labels(self.index_of[scene_id]), share, rng)
 
     def annotated(self, scene_id: str) -> AnnotatedLabels:
-        """Annotated labels of a scene, without the points that are kept aside."""
+        """Annotated labels of a scene, without the holdout."""
         return self.holdout(scene_id).annotated
-
-    def needs_geometry(self) -> bool:
-        """Whether labels spread over regions."""
-        return self.spread
 
     def seeds(self, scene_id: str) -> Int[np.ndarray, ' seeds'] | None:
         """The annotated points, where the over-segmentation shall start from them; not those of a complete scene."""
@@ -100,107 +127,80 @@ class SegmentationLabelMaker(LabelMaker):
         annotated = self.annotated(scene_id)
         return None if annotated.complete else np.flatnonzero(annotated.semantic >= 0)
 
-    @cached_property
+    @property
     def class_counts(self) -> Int[np.ndarray, ' classes']:
-        """Annotated points of each class, without those kept aside."""
-        counts = self.source.point_counts()
-        if self.strategy.holdout and self.spread:
-            for scene in self.index_of:
-                counts = counts - np.bincount(self.holdout(scene).classes, minlength=len(counts))
-        return counts
+        """Annotated points of each class, without the holdout."""
+        if self._class_counts is None:
+            counts = self.source.point_counts()
+            if self.rules.self_training is not None and self.rules.self_training.holdout:
+                for scene in self.index_of:
+                    counts = counts - np.bincount(self.holdout(scene).classes, minlength=len(counts))
+            self._class_counts = counts
+        return self._class_counts
 
-    @cached_property
-    def survey(self) -> RegionSurvey:
-        """What the labelled regions of all scenes have in common."""
-        scenes = ((self.prepared(scene), self.annotated(scene).semantic) for scene in self.index_of)
-        return survey_regions(scenes, len(self.source.classes), self.strategy)
+    def statistics(self) -> LabelStatistics:
+        """How often each class is annotated."""
+        return LabelStatistics(self.class_counts)
 
-    def _prior(
-        self, number: int, scene_id: str, scene: PreparedScene, annotated: AnnotatedLabels
-    ) -> Float[np.ndarray, 'regions classes'] | None:
-        """What the regions of a scene may be, where the strategy asks for it; the first round's ledger keeps it."""
-        if not self.strategy.region_prior:
-            return None
-        if number:
-            return MergeLedger.from_arrays(self.store.read_ledger(scene_id, 0)).known['probabilities']
-        return region_prior(scene, annotated.semantic, self.survey.lengths, self.survey.looks, self.strategy)
-
-    @cached_property
-    def ground(self) -> GroundKnowledge | None:
-        """What level ground looks like, where the strategy asks for it and enough is annotated."""
-        if self.strategy.level_regions is None or not self.strategy.level_looks:
-            return None
-        return survey_ground(self._level_scenes, self.strategy.heading)
-
-    def _level_scenes(self) -> Iterator[LevelScene]:
-        for scene_id in tqdm(self.index_of, desc='what level ground looks like', leave=False):
-            scene = self.prepared(scene_id)
-            yield scene.cloud, self._level_points(scene), self.annotated(scene_id).semantic
-
-    def _level_points(self, scene: PreparedScene) -> Bool[np.ndarray, ' points']:
-        return point_values(level_regions(scene.graph, self.strategy.level_regions), scene.regions.labels, False)
-
-    def _ground_labels(
-        self, scene: PreparedScene, annotated: AnnotatedLabels, previous: PseudoLabels | None
-    ) -> LevelLabels | None:
-        """What the level points of a scene are by their looks; what the first round found stays."""
-        if self.ground is None:
-            return None
-        level = self._level_points(scene)
-        if previous is None:
-            return self.ground.labels(scene.cloud, level, annotated.semantic, len(self.source.classes))
-        return LevelLabels(np.where(level, previous.semantic, UNLABELLED), np.where(level, previous.confidence, 0.0))
-
-    def inform(self, model: Any) -> None:
-        """Tell the model how often each class is annotated."""
-        model.set_label_statistics(LabelStatistics(self.class_counts))
+    # ------------------------------------------------------------------ labels
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
-        """Merge regions and spread what is known over them."""
+        """Merge regions and propagate what is known over them."""
         annotated = self.annotated(scene_id)
-        if annotated.complete or not self.spread:
-            return SceneLabels(annotated_only(annotated), None)
-        scene = self.prepared(scene_id)
+        if annotated.complete:
+            return SceneLabels(annotated_only(annotated))
         previous = self.store.read(scene_id, number - 1) if number else None
-        result = refresh_points(
-            scene.cloud,
-            scene.regions,
-            scene.graph,
-            annotated,
-            None if prediction is None else prediction.probabilities,
-            None if prediction is None else prediction.centers,
-            previous,
-            self.strategy,
-            number,
-            self.class_counts,
-            tuple(self.source.thing_classes),
-            None if self.strategy.spread_extent is None else self.survey.lengths,
-            self._prior(number, scene_id, scene, annotated),
-            self._ground_labels(scene, annotated, previous),
-        )
+        scene = SceneInputs(self.scenes.get(scene_id), annotated, prediction, previous)
+        round = RoundContext(number, self.rules, self.class_counts, tuple(self.source.thing_classes))
+        prior = self._prior(number, scene_id, scene)
+        knowledge = SceneKnowledge(self.known.class_lengths(), prior, self.known.ground_labels(scene))
+        result = refresh_segmentation(scene, round, knowledge)
         return SceneLabels(result.labels, result.merge.ledger.to_arrays())
 
-    def finish(self, number: int, log: Log = print) -> None:
-        """Take back what the points kept aside contradict, then close the round."""
-        if number and self.strategy.holdout and self.spread:
-            self._roll_back(number, log)
-        super().finish(number, log)
+    def _prior(self, number: int, scene_id: str, scene: SceneInputs) -> Float[np.ndarray, 'regions classes'] | None:
+        """What the regions of a scene may be; the label store keeps it from round 0 on, until the budget grows."""
+        rules = self.rules.region_prior
+        if rules is None:
+            return None
+        kept = self.store.read_kept(PRIOR, scene_id) if number else None
+        if kept is not None and np.array_equal(kept['class_counts'], self.class_counts):
+            return kept['prior']
+        prior = self.known.region_prior(scene, rules)
+        self.store.keep(PRIOR, scene_id, {'prior': prior, 'class_counts': self.class_counts})
+        return prior
 
-    def _roll_back(self, number: int, log: Log) -> None:
-        """Drop a round's new labels of the classes that contradict more kept-aside points than before."""
+    def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
+        """Each scene stands for itself."""
+        return predictions
+
+    def evaluate(self, number: int) -> dict[str, Any]:
+        """Coverage and precision of each class, and how far the centres of instances are off."""
+        return evaluate_points(self, number)
+
+    def regions(self, scene_id: str) -> Regions | None:
+        """The partition; None for a scene of which everything is annotated."""
+        return None if self.annotated(scene_id).complete else self.scenes.get(scene_id).regions
+
+    # ------------------------------------------------------------------ the holdout
+
+    def check(self, number: int, log: Log) -> None:
+        """Drop a round's new labels of the classes that contradict more holdout points than before."""
+        rules = self.rules.self_training
+        if not number or rules is None or not rules.holdout:
+            return
         new, old = self._errors(number), self._errors(number - 1)
-        worse = got_worse(new, old, self.strategy.holdout_margin)
+        worse = got_worse(new, old, rules.holdout_margin)
         if not worse.any():
             return
         for scene in self.index_of:
             labels, previous = self.store.read(scene, number), self.store.read(scene, number - 1)
             self.store.write(number, scene, without_new_labels(labels, previous, worse))
         names = ', '.join(
-            f'{name} ({new.wrong[c]} of {new.judged[c]} wrong, {old.wrong[c]} of {old.judged[c]} before)'
+            f'{name} ({new.wrong[c]} of {new.compared[c]} wrong, {old.wrong[c]} of {old.compared[c]} before)'
             for c, name in enumerate(self.source.classes)
             if worse[c]
         )
-        log(f'labels of round {number}: the points kept aside contradict {names}; new labels of these are dropped')
+        log(f'labels of round {number}: the holdout contradicts {names}; new labels of these are dropped')
 
     def _errors(self, number: int) -> HoldoutErrors:
         count = len(self.source.classes)
@@ -208,28 +208,20 @@ class SegmentationLabelMaker(LabelMaker):
         parts = (holdout_errors(self.store.read(s, number).semantic, self.holdout(s), count) for s in self.index_of)
         return reduce(add, parts, nothing)
 
-    def summarise_round(self, number: int) -> dict[str, Any]:
-        """Coverage and precision of each class, and how far the centres of instances are off."""
-        return summarise_points(self._judged(number), self.source.classes)
 
-    def _judged(self, number: int) -> Iterator[tuple[PseudoLabels, SceneTruth | None]]:
-        for scene, index in self.index_of.items():
-            truth = self.source.truth(index)
-            known = None
-            if truth is not None and truth.semantic is not None:
-                known = SceneTruth(truth.semantic, truth.instance, self.source.load_cloud(index).xyz)
-            yield self.store.read(scene, number), known
+@TASK_UTILS.register_module()
+def point_label_maker(
+    store: str | Path, source: Mapping[str, Any] | LabelSource, propagate: bool = True, **settings: Any
+) -> LabelMaker:
+    """The label maker of a segmentation config, whose key ``propagate`` tells whether labels propagate at all.
 
-
-def annotated_only(annotated: AnnotatedLabels) -> PseudoLabels:
-    """The annotated labels and no other."""
-    known = annotated.semantic >= 0
-    return PseudoLabels(
-        semantic=annotated.semantic,
-        instance=annotated.instance,
-        point_is_annotated=known,
-        confidence=known.astype(np.float32),
-        boxes=Boxes3D.empty(),
-        box_is_annotated=np.zeros(0, dtype=bool),
-        complete=annotated.complete,
-    )
+    Args:
+        store: Folder of the label store.
+        source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
+        propagate: False: training sees the annotated points alone (:class:`AnnotatedLabelMaker`), and ``settings``
+            are not read.
+        settings: Further arguments of :class:`SegmentationLabelMaker`.
+    """
+    if propagate:
+        return SegmentationLabelMaker(store, source, **settings)
+    return AnnotatedLabelMaker(store, source)

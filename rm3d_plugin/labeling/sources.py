@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import Truth
@@ -62,6 +62,20 @@ class LabelSource(ABC):
     def describe(self) -> str:
         """What is annotated, in one or a few lines."""
         return f'{len(self.scene_ids)} scenes'
+
+    def extends(self, number: int) -> bool:
+        """Whether more is to be annotated before the labels of a round (from 1) are made; costs one more prediction."""
+        return False
+
+    def extend(self, number: int, scores: Mapping[str, Float[np.ndarray, ' points']]) -> None:  # noqa: B027
+        """Annotate more, as in active learning, and keep it where :meth:`open` said.
+
+        Every process calls it with the same scores, and from then on :meth:`annotated_labels` shows the new labels too.
+
+        Args:
+            number: The round whose labels are made next.
+            scores: For each scene how uncertain the network is of each point, in [0, 1]; NaN where it saw none.
+        """
 
     def open(self, folder: Path, resume: bool) -> None:  # noqa: B027  a source with fixed labels has nothing to keep
         """Draw what is annotated and keep it in ``folder``, or with ``resume`` take up what is kept there."""

@@ -56,13 +56,6 @@ def build_region_graph(
     return RegionGraph(**features._asdict(), sizes=regions.sizes, edges=edges)
 
 
-def region_gap(points: Float[np.ndarray, 'points 3'], others: Float[np.ndarray, 'others 3']) -> float:
-    """Smallest distance between two sets of points, in metres; inf where one is empty."""
-    if not len(points) or not len(others):
-        return float('inf')
-    return float(np.sqrt(Octree(others).knn(points, 1).sq_dists.min()))
-
-
 def touching_regions(xyz: Float[np.ndarray, 'points 3'], regions: Regions, k: int = TOUCH_NEIGHBORS) -> RegionGaps:
     """Pairs of regions where a point of one has a point of the other among its k nearest (itself included)."""
     members = np.sort(regions.indices)

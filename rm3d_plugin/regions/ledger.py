@@ -1,4 +1,4 @@
-"""What was decided about each pair of adjacent regions, and why."""
+"""What was decided about each pair of adjacent regions, and why. It is for reading: no round goes on from one."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 KNOWN = 'known.'
+FORMAT = 2  # of the file; raise it when names or meanings change, so that older files are refused
 
 
 class Reason(IntEnum):
@@ -81,20 +82,27 @@ class MergeLedger:
         return MergeLedger(**{name: column[rows] for name, column in self.columns().items()})
 
     def to_arrays(self) -> dict[str, np.ndarray]:
-        """Columns by name, and what is known under ``known.NAME``, for an npz file."""
-        return self.columns() | {f'{KNOWN}{name}': value for name, value in self.known.items()}
+        """Columns by name, what is known under ``known.NAME``, and the format, for an npz file."""
+        known = {f'{KNOWN}{name}': value for name, value in self.known.items()}
+        return {'format': np.array(FORMAT)} | self.columns() | known
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> 'MergeLedger':
         """The inverse of :meth:`to_arrays`; other columns are ignored.
 
         Raises:
-            ValueError: A column is missing.
+            ValueError: The format is another, or a column is missing.
         """
+        found = int(arrays.get('format', 1))
+        if found != FORMAT:
+            raise ValueError(
+                f'MergeLedger: the file has format {found}, this version reads {FORMAT}; '
+                'make the labels of that run again, or read them with the version that wrote them'
+            )
         names = _names()
         missing = [name for name in names if name not in arrays]
         if missing:
-            raise ValueError(f'MergeLedger: columns {missing} are missing; the file is not a ledger of this version')
+            raise ValueError(f'MergeLedger: columns {missing} are missing; the file is not a ledger')
         known = {name.removeprefix(KNOWN): array for name, array in arrays.items() if name.startswith(KNOWN)}
         return cls(**{name: np.asarray(arrays[name]) for name in names}, known=known)
 

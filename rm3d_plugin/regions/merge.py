@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.regions.ledger import MergeLedger, Reason
-from rm3d_plugin.regions.similarity import PairTerms, Similarity, pair_terms, weigh
-from rm3d_plugin.regions.strategy import MergeStrategy
-from rm3d_plugin.structures import RegionGraph, Regions, number_by_first_point
+from rm3d_plugin.regions.rules import MergeRules
+from rm3d_plugin.regions.similarity import PairTerms, pair_terms, weigh
+from rm3d_plugin.structures import RegionGraph, number_by_first_point
 
 
 class MergeResult(NamedTuple):
@@ -22,6 +22,22 @@ class MergeResult(NamedTuple):
 
     group: Int[np.ndarray, ' regions']
     ledger: MergeLedger
+
+
+class RegionEvidence(NamedTuple):
+    """What is known of each region before merging.
+
+    Attributes:
+        probabilities: (R, C) pooled softmax; NaN rows, or no column at all, where nothing was predicted.
+        labels: (R,) int64 annotated class, -1 where unknown.
+        instances: (R,) int64 annotated instance, -1 where unknown.
+        centers: (R, 3) pooled shifted centres, metres, NaN rows where nothing was predicted; or None.
+    """
+
+    probabilities: Float[np.ndarray, 'regions classes']
+    labels: Int[np.ndarray, ' regions']
+    instances: Int[np.ndarray, ' regions']
+    centers: Float[np.ndarray, 'regions 3'] | None = None
 
 
 class RegionClasses(NamedTuple):
@@ -50,7 +66,7 @@ class Growth(NamedTuple):
 def region_classes(
     probabilities: Float[np.ndarray, 'regions classes'], labels: Int[np.ndarray, ' regions'], gamma: float
 ) -> RegionClasses:
-    """Class and confidence of each region; a true label replaces what the network says."""
+    """Class and confidence of each region; an annotated label replaces what the network says."""
     rows = np.array(probabilities, dtype=np.float64)
     known = labels >= 0
     if rows.shape[1] and known.any():
@@ -69,12 +85,12 @@ def centres_near(
     centers: Float[np.ndarray, 'regions 3'] | None,
     classes: Int[np.ndarray, ' regions'],
     edges: Int[np.ndarray, 'edges 2'],
-    strategy: MergeStrategy,
+    rules: MergeRules,
 ) -> Bool[np.ndarray, ' edges']:
     """Whether the shifted centres of each pair allow one instance; True where unknown or not asked."""
-    if centers is None or strategy.centre_distance is None:
+    if centers is None or rules.centre_distance is None:
         return np.ones(len(edges), dtype=bool)
-    limit = strategy.centre_limit(classes)[edges[:, 0]]
+    limit = rules.centre_limit(classes)[edges[:, 0]]
     distance = np.linalg.norm(centers[edges[:, 0]] - centers[edges[:, 1]], axis=1)
     return ~(distance >= limit)  # NaN, a region the network did not see, forbids nothing
 
@@ -82,7 +98,7 @@ def centres_near(
 def seed_order(
     curvatures: Float[np.ndarray, ' regions'], labels: Int[np.ndarray, ' regions'], share: float
 ) -> tuple[list[int], list[int]]:
-    """First seeds (labelled regions and the flattest share), and all regions by rising curvature."""
+    """First seeds (annotated regions and the flattest share), and all regions by rising curvature."""
     by_curvature = np.argsort(curvatures, kind='stable')
     flattest = by_curvature[: int(np.ceil(share * len(curvatures)))]
     first = np.union1d(np.flatnonzero(labels >= 0), flattest)
@@ -100,7 +116,7 @@ def grow(
     """Best-first growth from seeds over the allowed edges.
 
     A region that joins lets its group grow on only if the value of its edge reaches ``seed_threshold``. Two groups
-    join where both ends of an edge are seeds. Groups that hold two different true instances never join.
+    join where both ends of an edge are seeds. Groups that hold two different annotated instances never join.
 
     Args:
         edges: Pairs of regions.
@@ -108,7 +124,7 @@ def grow(
         allowed: Edges that pass Condition 3.
         seed_threshold: Condition 4.
         seeds: First seeds, which compete from the start, and the order in which unassigned regions become seeds.
-        instances: True instance of each region, or -1.
+        instances: Annotated instance of each region, or -1.
     """
     growing = _Growing(edges, value, allowed, seed_threshold, instances)
     first, rest = seeds
@@ -166,7 +182,7 @@ class _Growing:
             self.join(edge, source, target, -key)
 
     def join(self, edge: int, source: int, target: int, value: float) -> None:
-        """Join the two groups unless they are one already or hold different true instances."""
+        """Join the two groups unless they are one already or hold different annotated instances."""
         a, b = self.find(source), self.find(target)
         if a == b:
             return
@@ -195,56 +211,38 @@ class _Growing:
         return Growth(number_by_first_point(roots), self.accepted, self.became_seed, self.other_instance)
 
 
-def merge(
-    regions: Regions,
-    graph: RegionGraph,
-    probabilities: Float[np.ndarray, 'regions classes'],
-    labels: Int[np.ndarray, ' regions'],
-    strategy: MergeStrategy,
-    round: int,
-    centers: Float[np.ndarray, 'regions 3'] | None = None,
-    instances: Int[np.ndarray, ' regions'] | None = None,
-) -> MergeResult:
+def merge(graph: RegionGraph, evidence: RegionEvidence, rules: MergeRules, round: int) -> MergeResult:
     """Merge adjacent regions under Conditions 3 and 4 (METHOD 6).
 
-    Two neighbours merge when S reaches the threshold, both are confident (or truly labelled), both are of one class,
-    their shifted centres are near (where the strategy asks), and no two true instances meet. It only coarsens, and
-    does not depend on the order in which edges are given.
+    Two neighbours merge when S reaches the threshold, both are confident (or annotated), both are of one class, their
+    shifted centres are near (where the rules ask), and no two annotated instances meet. It only coarsens, and does not
+    depend on the order in which edges are given.
 
     Args:
-        regions: Partition of the scene.
-        graph: Features and edges of the same regions.
-        probabilities: Pooled softmax of each region; NaN rows, or no column at all, where nothing was predicted.
-        labels: True class of each region, -1 where unknown.
-        strategy: Thresholds, terms and schedule.
-        round: Where the schedule stands, 0 .. strategy.rounds.
-        centers: Pooled shifted centres, metres; NaN rows where nothing was predicted.
-        instances: True instance of each region, -1 where unknown.
+        graph: Features and edges of the regions.
+        evidence: What is known of each.
+        rules: Thresholds, terms and schedule.
+        round: Where the schedule stands, 0 .. rules.rounds.
 
     Raises:
         ValueError: A row count does not fit the regions, or a label is not among the classes.
     """
-    instances = np.full(len(regions), -1, dtype=np.int64) if instances is None else instances
-    _check_rows(len(regions), graph=graph.sizes, probabilities=probabilities, labels=labels, instances=instances)
-    classes = probabilities.shape[1]
+    for name, array in evidence._asdict().items():
+        if array is not None and len(array) != len(graph):
+            raise ValueError(f'RegionEvidence.{name}: has {len(array)} rows, expected {len(graph)} (one a region)')
+    classes, labels = evidence.probabilities.shape[1], evidence.labels
     if classes and len(labels) and labels.max() >= classes:
         raise ValueError(f'merge: labels name class {labels.max()}, but probabilities have {classes} columns')
-    if centers is not None:
-        _check_rows(len(regions), centers=centers)
-    terms = pair_terms(graph, strategy)
-    return decide(graph.edges, terms, graph.curvatures, probabilities, labels, strategy, round, centers, instances)
+    return decide(graph.edges, pair_terms(graph, rules), graph.curvatures, evidence, rules, round)
 
 
 def decide(
     edges: Int[np.ndarray, 'edges 2'],
     terms: PairTerms,
     curvatures: Float[np.ndarray, ' regions'],
-    probabilities: Float[np.ndarray, 'regions classes'],
-    labels: Int[np.ndarray, ' regions'],
-    strategy: MergeStrategy,
+    evidence: RegionEvidence,
+    rules: MergeRules,
     round: int,
-    centers: Float[np.ndarray, 'regions 3'] | None,
-    instances: Int[np.ndarray, ' regions'],
 ) -> MergeResult:
     """Conditions 3 and 4 on what is known of regions and edges; :func:`merge` without the geometry.
 
@@ -252,57 +250,18 @@ def decide(
         edges: Pairs of regions.
         terms: What geometry and colour say of each.
         curvatures: Of the regions; the order of seeds.
-        probabilities: As :func:`merge`; so are the rest.
-        labels: True class of each region, -1 where unknown.
-        strategy: Thresholds, terms and schedule.
+        evidence: What is known of the regions.
+        rules: Thresholds, terms and schedule.
         round: Where the schedule stands.
-        centers: Pooled shifted centres, metres, or None.
-        instances: True instance of each region, -1 where unknown.
     """
-    belief = region_classes(probabilities, labels, strategy.gamma)
-    similarity = weigh(terms, edges, belief.probabilities, strategy, round)
-    value = similarity.mean if strategy.thresholds == 'normalised' else similarity.total
-    near = centres_near(centers, belief.classes, edges, strategy)
-    a, b = edges[:, 0], edges[:, 1]
-    refusals = {
-        Reason.NOT_CONFIDENT: ~(belief.confident[a] & belief.confident[b]),
-        Reason.OTHER_CLASS: belief.classes[a] != belief.classes[b],
-        Reason.NOT_SIMILAR: value < strategy.merge_threshold(),
-        Reason.CENTRES_APART: ~near,
-    }
+    belief = region_classes(evidence.probabilities, evidence.labels, rules.gamma)
+    similarity = weigh(terms, edges, belief.probabilities, rules, round)
+    value = similarity.mean if rules.thresholds == 'normalised' else similarity.total
+    refusals = _refusals(edges, value, belief, evidence.centers, rules)
     allowed = ~np.any(list(refusals.values()), axis=0)
-    seeds = seed_order(curvatures, labels, strategy.seed_share)
-    growth = grow(edges, value, allowed, strategy.seed_threshold(), seeds, instances)
-    reason = _reasons(refusals, growth, edges)
-    return MergeResult(growth.group, _ledger(edges, terms, similarity, strategy, round, growth, reason))
-
-
-def _check_rows(expected: int, **arrays: np.ndarray) -> None:
-    for name, array in arrays.items():
-        if len(array) != expected:
-            raise ValueError(f'merge: {name} has {len(array)} rows, expected {expected} (one a region)')
-
-
-def _reasons(refusals: dict[Reason, np.ndarray], growth: Growth, edges: np.ndarray) -> Int[np.ndarray, ' edges']:
-    same = growth.group[edges[:, 0]] == growth.group[edges[:, 1]]
-    reason = np.where(same, int(Reason.SAME_GROUP), int(Reason.NOT_REACHED)).astype(np.int64)
-    reason[growth.other_instance & ~same] = Reason.OTHER_INSTANCE
-    for name, refused in reversed(refusals.items()):
-        reason[refused] = name
-    reason[growth.accepted] = Reason.MERGED
-    return reason
-
-
-def _ledger(
-    edges: np.ndarray,
-    terms: PairTerms,
-    similarity: Similarity,
-    strategy: MergeStrategy,
-    round: int,
-    growth: Growth,
-    reason: np.ndarray,
-) -> MergeLedger:
-    return MergeLedger(
+    seeds = seed_order(curvatures, evidence.labels, rules.seed_share)
+    growth = grow(edges, value, allowed, rules.seed_threshold(), seeds, evidence.instances)
+    ledger = MergeLedger(
         region_a=edges[:, 0],
         region_b=edges[:, 1],
         M_color=similarity.color,
@@ -313,9 +272,37 @@ def _ledger(
         A_des=terms.descriptor,
         S=similarity.total,
         Sbar=similarity.mean,
-        threshold=np.full(len(edges), strategy.merge_threshold()),
+        threshold=np.full(len(edges), rules.merge_threshold()),
         accepted=growth.accepted,
         became_seed=growth.became_seed,
         round=np.full(len(edges), round, dtype=np.int64),
-        reason=reason,
+        reason=_reasons(refusals, growth, edges),
     )
+    return MergeResult(growth.group, ledger)
+
+
+def _refusals(
+    edges: Int[np.ndarray, 'edges 2'],
+    value: Float[np.ndarray, ' edges'],
+    belief: RegionClasses,
+    centers: Float[np.ndarray, 'regions 3'] | None,
+    rules: MergeRules,
+) -> dict[Reason, Bool[np.ndarray, ' edges']]:
+    """Edges that fail each part of Condition 3."""
+    a, b = edges[:, 0], edges[:, 1]
+    return {
+        Reason.NOT_CONFIDENT: ~(belief.confident[a] & belief.confident[b]),
+        Reason.OTHER_CLASS: belief.classes[a] != belief.classes[b],
+        Reason.NOT_SIMILAR: value < rules.merge_threshold(),
+        Reason.CENTRES_APART: ~centres_near(centers, belief.classes, edges, rules),
+    }
+
+
+def _reasons(refusals: dict[Reason, np.ndarray], growth: Growth, edges: np.ndarray) -> Int[np.ndarray, ' edges']:
+    same = growth.group[edges[:, 0]] == growth.group[edges[:, 1]]
+    reason = np.where(same, int(Reason.SAME_GROUP), int(Reason.NOT_REACHED)).astype(np.int64)
+    reason[growth.other_instance & ~same] = Reason.OTHER_INSTANCE
+    for name, refused in reversed(refusals.items()):
+        reason[refused] = name
+    reason[growth.accepted] = Reason.MERGED
+    return reason

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.regions.strategy import MergeStrategy, TermWeights
+from rm3d_plugin.regions.rules import MergeRules, TermWeights
 from rm3d_plugin.structures import RegionGraph
 
 LAB_CHANNELS = 3
@@ -106,13 +106,9 @@ def affinity(
     return np.where(there > 0, np.sqrt(squares / np.where(there > 0, there, 1)), np.nan)
 
 
-def descriptor_similarity(terms: PairTerms, strategy: MergeStrategy) -> Float[np.ndarray, ' edges']:
-    """M_des: affinity of the regions' normals and mean descriptors; NaN where both parts are missing or off."""
-    normal = terms.normal if strategy.use_normal_affinity else None
-    descriptor = terms.descriptor if strategy.use_descriptor_affinity else None
-    if normal is None and descriptor is None:
-        return np.full(len(terms.normal), np.nan)
-    return affinity(normal, descriptor, strategy.lambda_normal, strategy.lambda_descriptor)
+def descriptor_similarity(terms: PairTerms, rules: MergeRules) -> Float[np.ndarray, ' edges']:
+    """M_des: affinity of the regions' normals and mean descriptors; NaN where both are missing or weigh nothing."""
+    return affinity(terms.normal, terms.descriptor, rules.lambda_normal, rules.lambda_descriptor)
 
 
 def semantic_similarity(
@@ -139,12 +135,12 @@ def combine(terms: Float[np.ndarray, 'terms edges'], weights: TermWeights) -> tu
     return total, np.where(norm > 0, total / np.where(norm > 0, norm, 1), 0.0)
 
 
-def pair_terms(graph: RegionGraph, strategy: MergeStrategy) -> PairTerms:
+def pair_terms(graph: RegionGraph, rules: MergeRules) -> PairTerms:
     """What every edge of a graph says before any weight."""
     edges = graph.edges
     color = np.full(len(edges), np.nan)
     if graph.colors is not None:
-        sigma = strategy.color_sigma if graph.colors.shape[1] == LAB_CHANNELS else strategy.intensity_sigma
+        sigma = rules.color_sigma if graph.colors.shape[1] == LAB_CHANNELS else rules.intensity_sigma
         color = color_similarity(graph.colors, edges, sigma)
     return PairTerms(
         color=color,
@@ -158,28 +154,21 @@ def weigh(
     terms: PairTerms,
     edges: Int[np.ndarray, 'edges 2'],
     probabilities: Float[np.ndarray, 'regions classes'],
-    strategy: MergeStrategy,
+    rules: MergeRules,
     round: int,
 ) -> Similarity:
-    """Add the network's term, and weigh; a term that is switched off is known, but weighs nothing.
+    """Add the network's term, and weigh; a term that is left out is known, but weighs nothing.
 
     Args:
         terms: What geometry and colour say of each edge.
         edges: Pairs of regions.
         probabilities: Pooled softmax, NaN rows where the network saw nothing.
-        strategy: Which terms count and how.
+        rules: Which terms count and how.
         round: Where the weights stand in their schedule.
     """
     missing = np.full(len(edges), np.nan)
-    descriptor = descriptor_similarity(terms, strategy)
-    semantics = semantic_similarity(probabilities, edges, strategy.lambda_seg) if probabilities.shape[1] else missing
+    descriptor = descriptor_similarity(terms, rules)
+    semantics = semantic_similarity(probabilities, edges, rules.lambda_seg) if probabilities.shape[1] else missing
     rows = np.stack([terms.color, terms.scale, descriptor, semantics])
-    total, mean = combine(rows, strategy.weights(round))
+    total, mean = combine(rows, rules.weights(round))
     return Similarity(terms.color, terms.scale, descriptor, semantics, total, mean)
-
-
-def region_similarity(
-    graph: RegionGraph, probabilities: Float[np.ndarray, 'regions classes'], strategy: MergeStrategy, round: int
-) -> Similarity:
-    """Every term, S and Sbar for each edge of the graph; see :func:`weigh`."""
-    return weigh(pair_terms(graph, strategy), graph.edges, probabilities, strategy, round)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Int
 from mmengine.config import Config
 from mmengine.registry import init_default_scope
 
@@ -17,49 +17,48 @@ from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels.common.assembly import (
     Grouped,
-    apply_quota,
-    draft_of,
     keep_previous,
-    overlay,
+    labels_of_groups,
+    limit_new_labels,
     supported_points,
 )
 from rm3d_plugin.pseudo_labels.common.groups import point_values, without_doubtful
+from rm3d_plugin.pseudo_labels.common.inputs import RoundContext
 from rm3d_plugin.pseudo_labels.common.ledger import extreme_merges, sentence
 from rm3d_plugin.pseudo_labels.common.record import RefreshRecord
-from rm3d_plugin.regions import MergeLedger, MergeResult, MergeStrategy
+from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
+from rm3d_plugin.regions import MergeLedger, MergeResult, MergeRules
 from rm3d_plugin.regions.merge import decide
 from rm3d_plugin.regions.similarity import PairTerms
 from rm3d_plugin.registry import SCOPE, TASK_UTILS
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.structures import PseudoLabels, SceneError
 
-FIXED = (
-    'pooling',
-    'color_sigma',
-    'intensity_sigma',
-    'mixed_regions',
-    'near_place',
-    'near_color',
-    'spread_color',
-    'spread_extent',
-    'region_prior',
-    'prior_looks',
-    'heading',
-    'prior_scale',
-    'inverse_temperature',
-    'missing_points',
-    'new_instances',
-    'level_regions',
-    'level_looks',
-    'level_reach',
-    'holdout',
-    'holdout_margin',
-)
-"""What went into the ledger before it was written; another value needs another run."""
+FIXED = ('pooling', 'color_sigma', 'intensity_sigma')
+"""Rules of merging whose values went into the ledger before it was written; another value needs another run."""
+LIMITS = ('cbst_fraction', 'cbst_ranges')
+"""Rules of self-training that can be replayed."""
+
+
+class ReplayRules(NamedTuple):
+    """Rules that decide the merges of a round again.
+
+    Attributes:
+        merge: Thresholds and terms.
+        self_training: How new labels are limited, or None.
+    """
+
+    merge: MergeRules
+    self_training: SelfTrainingRules | None = None
+
+    @classmethod
+    def of(cls, record: RefreshRecord) -> 'ReplayRules':
+        """Those of the run."""
+        return cls(record.merge, record.self_training)
 
 
 class Decided(NamedTuple):
-    """What a strategy makes of a scene."""
+    """What rules make of a scene."""
 
     merge: MergeResult
     semantic: Int[np.ndarray, ' points']
@@ -77,8 +76,8 @@ class ReplayCounts:
         merges_changed: Pairs that are in one group before or after, but not both.
         groups: Groups of regions.
         labelled: Points with a label.
-        judged: Points with a pseudo label whose truth is known.
-        right: Those of them whose label is right.
+        compared: Points with a pseudo label whose truth is known.
+        correct: Those of them whose label is correct.
     """
 
     points: int
@@ -88,8 +87,8 @@ class ReplayCounts:
     merges: tuple[int, int]
     groups: tuple[int, int]
     labelled: tuple[int, int]
-    judged: tuple[int, int]
-    right: tuple[int, int]
+    compared: tuple[int, int]
+    correct: tuple[int, int]
 
     def __add__(self, other: 'ReplayCounts') -> 'ReplayCounts':
         sums: dict[str, Any] = {}
@@ -99,89 +98,71 @@ class ReplayCounts:
         return ReplayCounts(**sums)
 
 
-def changed_strategy(strategy: MergeStrategy, changes: Mapping[str, Any]) -> MergeStrategy:
-    """The strategy with other values.
+def changed_rules(rules: ReplayRules, changes: Mapping[str, Any]) -> ReplayRules:
+    """The rules with other values.
 
     Args:
-        strategy: That of the run.
-        changes: Fields of :class:`MergeStrategy`, and ``tau``: what the compared value must reach (the mean in
-            'normalised', the sum in 'literal'); ``tau_seed`` rises with it where it would be lower.
+        rules: Those of the run.
+        changes: Fields of :class:`MergeRules`, ``cbst_fraction`` and ``cbst_ranges``, and ``tau``: what the compared
+            value must reach (the mean in 'normalised', the sum in 'literal'); ``tau_seed`` rises with it where it would
+            be lower.
 
     Raises:
         ConfigError: A name or value that cannot be replayed.
     """
     given = dict(changes)
-    known = [item.name for item in fields(MergeStrategy) if item.name not in FIXED]
-    if bad := [name for name in given if name not in (*known, 'tau')]:
+    known = [item.name for item in fields(MergeRules) if item.name not in FIXED]
+    if bad := [name for name in given if name not in (*known, *LIMITS, 'tau')]:
         why = 'is decided before the ledger is written; train anew' if bad[0] in FIXED else 'is no threshold or switch'
-        raise ConfigError(f'--replay {bad[0]}: {why}. Expected any of tau, {", ".join(known)}')
+        raise ConfigError(f'--replay {bad[0]}: {why}. Expected any of tau, {", ".join((*known, *LIMITS))}')
+    limits = {name: given.pop(name) for name in LIMITS if name in given}
     tau = given.pop('tau', None)
     try:
         if tau is not None:
-            mode = given.get('thresholds', strategy.thresholds)
+            mode = given.get('thresholds', rules.merge.thresholds)
             given['tau_merge'] = 2 * float(tau) if mode == 'normalised' else float(tau)
-            given.setdefault('tau_seed', max(strategy.tau_seed, given['tau_merge']))
-        return replace(strategy, **given)
+            given.setdefault('tau_seed', max(rules.merge.tau_seed, given['tau_merge']))
+        merge = replace(rules.merge, **given)
+        return ReplayRules(merge, replace(rules.self_training or SelfTrainingRules(), **limits))
     except (TypeError, ValueError) as error:
         raise ConfigError(f'--replay: {error}') from error
 
 
 def decide_again(
-    ledger: MergeLedger, stored: PseudoLabels, previous: PseudoLabels | None, strategy: MergeStrategy | None = None
+    ledger: MergeLedger, stored: PseudoLabels, previous: PseudoLabels | None, rules: ReplayRules | None = None
 ) -> Decided:
-    """Merge the regions and label the points of a scene again.
+    """Merge and label a scene from its ledger alone.
 
-    With the strategy of the run (None) the result is what the run had; in detection, what it had before boxes were
-    fitted, and without the parts that were cut out of regions.
+    With the rules of the run (None) the result is what the run had; in detection, what it had before boxes were fitted,
+    and without the parts that were cut out of regions.
 
     Args:
         ledger: Of the round, with its record.
-        stored: Labels of the round; their true ones stay.
+        stored: Labels of the round; their annotated ones stay.
         previous: Labels of the round before, or None.
-        strategy: Other thresholds.
+        rules: Others than those of the run.
 
     Raises:
         ValueError: The ledger has no record.
     """
     record = RefreshRecord.from_arrays(ledger.known)
-    strategy = strategy or record.strategy
+    rules = rules or ReplayRules.of(record)
     terms = PairTerms(ledger.M_color, ledger.M_scale, ledger.A_n, ledger.A_des)
     edges = np.stack([ledger.region_a, ledger.region_b], axis=1)
-    result = decide(
-        edges,
-        terms,
-        record.curvatures,
-        record.probabilities,
-        record.labels,
-        strategy,
-        record.round,
-        record.centers,
-        record.instances,
-    )
-    groups = record.label(result.group, strategy.gamma)
+    result = decide(edges, terms, record.curvatures, record.evidence(), rules.merge, record.round)
+    groups = record.label(result.group, rules.merge.gamma)
     if record.class_gamma is not None:
         groups = without_doubtful(groups, record.class_gamma)
     points = point_values(result.group, record.point_region, -1)
     ranges = point_values(record.ranges, record.point_region, 0.0)
     grouped = Grouped(result, groups, points, ranges, record)
-    grouped = apply_quota(grouped, strategy, record.round)
-    draft = draft_of(grouped)
-    draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
-    draft = overlay(draft, _told_by_point(record), stored.semantic, draft.confidence)
-    draft = overlay(draft, stored.point_is_annotated, stored.semantic, 1.0)
-    return Decided(result, draft.semantic)
-
-
-def _told_by_point(record: RefreshRecord) -> Bool[np.ndarray, ' points']:
-    """Points whose annotated neighbours decided one by one, so that no threshold of merging has a say in them."""
-    classes = (record.votes > 0).sum(axis=1)
-    if record.strategy.spread_color is not None:
-        told = classes > 0
-    else:
-        told = (classes > 1) & (record.strategy.mixed_regions == 'nearest')
-    if record.level is not None:
-        told = told | record.level
-    return np.asarray(point_values(told, record.point_region, False))
+    grouped = limit_new_labels(grouped, RoundContext(record.round, rules, record.class_counts))
+    labels = keep_previous(labels_of_groups(grouped), previous, supported_points(previous, grouped, rules.merge))
+    if record.named is not None:
+        named = point_values(record.named, record.point_region, False)
+        labels = labels.overlay(named, stored.semantic, labels.confidence)
+    labels = labels.overlay(stored.point_is_annotated, stored.semantic, 1.0)
+    return Decided(result, labels.semantic)
 
 
 def compare(
@@ -190,18 +171,18 @@ def compare(
     """What changed, and whether for the better.
 
     Args:
-        before: With the strategy of the run.
+        before: With the rules of the run.
         after: With another.
-        stored: Labels of the round, which name the annotated points; those are not judged.
+        stored: Labels of the round, which name the annotated points; those are not compared.
         truth: True class of each point, -1 = not known; or None.
     """
     ledgers = (before.merge.ledger, after.merge.ledger)
     both = [d.merge.group[np.stack([d.merge.ledger.region_a, d.merge.ledger.region_b])] for d in (before, after)]
     joined = [pair[0] == pair[1] for pair in both]
     known = np.zeros(len(stored), dtype=bool) if truth is None else (truth >= 0) & ~stored.point_is_annotated
-    judged = [known & (d.semantic >= 0) for d in (before, after)]
-    pairwise = zip((before, after), judged, strict=True)
-    right = [0 if truth is None else int((d.semantic == truth)[j].sum()) for d, j in pairwise]
+    compared = [known & (d.semantic >= 0) for d in (before, after)]
+    pairwise = zip((before, after), compared, strict=True)
+    correct = [0 if truth is None else int((d.semantic == truth)[j].sum()) for d, j in pairwise]
     return ReplayCounts(
         points=len(stored),
         labels_changed=int((before.semantic != after.semantic).sum()),
@@ -210,8 +191,8 @@ def compare(
         merges=(int(ledgers[0].accepted.sum()), int(ledgers[1].accepted.sum())),
         groups=(int(before.merge.group.max(initial=-1)) + 1, int(after.merge.group.max(initial=-1)) + 1),
         labelled=(int((before.semantic >= 0).sum()), int((after.semantic >= 0).sum())),
-        judged=(int(judged[0].sum()), int(judged[1].sum())),
-        right=(right[0], right[1]),
+        compared=(int(compared[0].sum()), int(compared[1].sum())),
+        correct=(correct[0], correct[1]),
     )
 
 
@@ -258,7 +239,7 @@ class RoundOfLabels:
                 raise SceneError(f'scene {scene}, round {self.round}: {error}') from error
 
     def replay(self, changes: Mapping[str, Any]) -> dict[str, ReplayCounts]:
-        """Decide every scene again with changed thresholds; see :func:`changed_strategy`."""
+        """Decide every scene again with changed thresholds; see :func:`changed_rules`."""
         assert self.round is not None
         out = {}
         for scene, ledger in self.ledgers():
@@ -266,9 +247,9 @@ class RoundOfLabels:
             previous = self.store.read(scene, self.round - 1) if self.round else None
             if not ledger.known:
                 raise SceneError(f'scene {scene}, round {self.round}: the ledger holds no record to replay')
-            strategy = changed_strategy(RefreshRecord.from_arrays(ledger.known).strategy, changes)
+            rules = changed_rules(ReplayRules.of(RefreshRecord.from_arrays(ledger.known)), changes)
             before = decide_again(ledger, stored, previous)
-            after = decide_again(ledger, stored, previous, strategy)
+            after = decide_again(ledger, stored, previous, rules)
             out[scene] = compare(before, after, stored, self._truth(scene, len(stored)))
         return out
 
@@ -331,9 +312,9 @@ def _line(name: str, counts: ReplayCounts) -> str:
         f'changed), groups {counts.groups[0]} -> {counts.groups[1]}, labels of {counts.labels_changed} of '
         f'{counts.points} points changed, coverage {coverage} %'
     )
-    if not any(counts.judged):
+    if not any(counts.compared):
         return text
-    shares = [f'{100 * r / j:.2f}' if j else '-' for r, j in zip(counts.right, counts.judged, strict=True)]
+    shares = [f'{100 * r / j:.2f}' if j else '-' for r, j in zip(counts.correct, counts.compared, strict=True)]
     return f'{text}, precision {" -> ".join(shares)} %'
 
 

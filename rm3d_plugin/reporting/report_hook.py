@@ -14,7 +14,6 @@ from mmengine.runner import Runner
 
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
-from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.reporting.merges import merge_report
 from rm3d_plugin.reporting.run_report import run_report, scene_picture
@@ -59,7 +58,7 @@ class ReportHook(Hook):
         labels = merging[0].seconds
         seconds = {'labels': labels, 'training and validation': time.perf_counter() - self._began - labels}
         views = merges = None
-        if isinstance(label_maker, SegmentationLabelMaker):
+        if label_maker.task == 'segmentation':
             scenes = [*self._train_records(runner, merging[0]), *self._val_records(runner)]
             pictures = [scene_from_above(scene, label_maker.source.classes) for scene in scenes]
             views = views_of(scenes, label_maker.source.classes)
@@ -78,15 +77,15 @@ class ReportHook(Hook):
         rated = sorted(label_maker.store.scenes().items(), key=lambda item: -item[1].true_boxes)
         pictures = []
         for scene_id, _ in rated[: self.train_scenes]:
-            scene, index = label_maker.prepared(scene_id), label_maker.source.scene_ids.index(scene_id)
+            index = label_maker.index_of[scene_id]
             pictures.append(
                 scene_picture(
                     f'training scene {scene_id}, labels of the last round',
-                    scene.cloud,
+                    label_maker.source.load_cloud(index),
                     label_maker.source.classes,
                     label_maker.source.truth(index),
                     _detect(runner, dataset[index]),
-                    scene.regions,
+                    label_maker.regions(scene_id),
                     label_maker.store.read(scene_id),
                 )
             )
@@ -119,12 +118,12 @@ class ReportHook(Hook):
         for scene_id in pick_scenes(label_maker, self.train_scenes):
             index = label_maker.index_of[scene_id]
             cloud, truth = label_maker.source.load_cloud(index), label_maker.source.truth(index)
-            merged = label_maker.needs_geometry() and not label_maker.annotated(scene_id).complete
+            regions = label_maker.regions(scene_id)
             classes, instances = _segment(runner, dataset[dataset.scene_ids.index(scene_id)], len(cloud))
             yield SceneRecord(
                 f'training scene {scene_id}',
                 cloud,
-                label_maker.prepared(scene_id).regions.labels if merged else None,
+                None if regions is None else regions.labels,
                 {number: label_maker.store.read(scene_id, number) for number in label_maker.store.rounds()},
                 classes,
                 instances,

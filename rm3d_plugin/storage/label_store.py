@@ -6,8 +6,9 @@
       current.json              the round that training reads
       round_000/
         <scene>.npz             labels of one scene
-        ledger/<scene>.npz      why regions were merged (optional)
+        ledger/<scene>.npz      why regions were merged (optional; for reading only)
         complete.json           scenes and summary; written last, so a round without it is half-written
+      kept/<name>/<scene>.npz   what outlasts a round, by name (region_prior, say)
 """
 
 import shutil
@@ -21,6 +22,7 @@ import numpy as np
 from rm3d_plugin.storage.files import DamagedFileError, read_json, read_npz, write_json, write_npz
 from rm3d_plugin.structures import Boxes3D, PseudoLabels, SceneError
 
+FORMAT = 2  # of a scene's file; raise it when names or meanings change, so that older files are refused
 _ARRAYS = ('semantic', 'instance', 'point_is_annotated', 'confidence', 'box_is_annotated')
 
 
@@ -29,7 +31,7 @@ class LabelStoreError(SceneError):
 
 
 class SceneEntry(NamedTuple):
-    """What a finished round knows of a scene: how many points have a row, how many boxes are truly labelled."""
+    """What a finished round knows of a scene: how many points have a row, how many boxes are annotated."""
 
     points: int
     true_boxes: int
@@ -173,6 +175,7 @@ class LabelStore:
                 f'scene {scene_id}, round {chosen}: no labels at {path}; the round holds {len(self.scenes(chosen))} '
                 'other scenes. Train on those, or delete the store and label all scenes again'
             ) from None
+        _check_format(arrays, path)
         try:
             return _from_arrays(arrays)
         except (KeyError, ValueError) as error:
@@ -190,6 +193,23 @@ class LabelStore:
             raise LabelStoreError(f'scene {scene_id}, round {chosen}: no ledger at {path}; none was written')
         return read_npz(path)
 
+    def keep(self, name: str, scene_id: str, arrays: Mapping[str, np.ndarray]) -> None:
+        """Keep something of a scene that outlasts the rounds; what was kept under the name is replaced."""
+        write_npz(self._kept_path(name, scene_id), {**arrays, 'format': np.array(FORMAT)})
+
+    def read_kept(self, name: str, scene_id: str) -> dict[str, np.ndarray] | None:
+        """What is kept of a scene under a name; None: nothing.
+
+        Raises:
+            LabelStoreError: It was written by another version.
+        """
+        path = self._kept_path(name, scene_id)
+        if not path.is_file():
+            return None
+        arrays = read_npz(path)
+        _check_format(arrays, path)
+        return arrays
+
     def scenes(self, round: int | None = None) -> dict[str, SceneEntry]:
         """Scenes of a complete round, sorted by name."""
         content = self._read_complete(self._choose(round))
@@ -204,6 +224,9 @@ class LabelStore:
     @property
     def _current_file(self) -> Path:
         return self.root / 'current.json'
+
+    def _kept_path(self, name: str, scene_id: str) -> Path:
+        return self.root / 'kept' / name / f'{quote(scene_id, safe="")}.npz'
 
     def _complete_file(self, round: int) -> Path:
         return self.folder(round) / 'complete.json'
@@ -230,6 +253,15 @@ class LabelStore:
             )
 
 
+def _check_format(arrays: Mapping[str, np.ndarray], path: Path) -> None:
+    found = int(arrays['format']) if 'format' in arrays else 1
+    if found != FORMAT:
+        raise LabelStoreError(
+            f'{path}: has format {found}, this version reads {FORMAT}; train again in another work dir, or go on with '
+            'the version that wrote it'
+        )
+
+
 def _to_arrays(labels: PseudoLabels) -> dict[str, np.ndarray]:
     arrays = {name: np.asarray(getattr(labels, name)) for name in _ARRAYS}
     boxes = labels.boxes
@@ -240,6 +272,7 @@ def _to_arrays(labels: PseudoLabels) -> dict[str, np.ndarray]:
         'box_labels': boxes.labels,
         'box_scores': boxes.scores,
         'complete': np.array(labels.complete),
+        'format': np.array(FORMAT),
     }
 
 

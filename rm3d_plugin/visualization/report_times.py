@@ -16,7 +16,7 @@ class RoundTime(NamedTuple):
         predicting: Those of them that the network took to predict the training scenes.
         training: Wall-clock seconds of the epochs on these labels, without validation.
         share: Labels / training in seconds of the processor, which other programs do not change; None: no training.
-        judging: Wall-clock seconds, on top of ``labels``, of comparing them with the truth, where it is known.
+        evaluating: Wall-clock seconds, on top of ``labels``, of comparing them with the truth, where it is known.
     """
 
     round: int
@@ -24,7 +24,7 @@ class RoundTime(NamedTuple):
     predicting: float
     training: float
     share: float | None
-    judging: float = 0.0
+    evaluating: float = 0.0
 
 
 def time_section(seconds: Mapping[str, float], rounds: Sequence[RoundTime] = ()) -> str:
@@ -52,10 +52,10 @@ def _rounds(rounds: Sequence[RoundTime]) -> str:
             duration(row.predicting) if row.round else DASH,
             duration(row.training) if row.training else DASH,
             percent(row.share),
-            duration(row.judging) if row.judging else DASH,
+            duration(row.evaluating) if row.evaluating else DASH,
         ]
         for row in rounds
     ]
-    head = ['Round', 'Labels', 'of it predicting', 'Training', 'Labels / training', 'Judging']
+    head = ['Round', 'Labels', 'of it predicting', 'Training', 'Labels / training', 'Evaluating']
     caption = 'Labels of each round beside the training on them (wall clock; the share in seconds of the processor)'
     return table(head, body, caption, 1)

@@ -62,7 +62,7 @@ def test_bad_options(call, options, words):
     [
         ('descriptor.type=Nonsense', ['Nonsense is not in the', 'descriptor registry']),
         ('descriptor.radus=1', ['radus']),
-        ('strategy.roundings=3', ['roundings']),
+        ('merge.roundings=3', ['roundings']),
         ('model.backbone.width=3', ['width']),
         ('train_dataloader.dataset.splitt=val', ['splitt']),
         ('budget=99pct', ['99pct', '1pct']),

@@ -14,6 +14,7 @@ from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.models.losses import MSEAugLoss
 from rm3d_plugin.registry import SCOPE
 
+RULES = ('merge', 'propagation', 'region_prior', 'ground', 'self_training')
 TEXT = (ROOT / 'docs' / 'ablations.md').read_text(encoding='utf-8')
 
 
@@ -49,8 +50,10 @@ def test_a_row_builds_and_differs_from_its_base(base, text, tmp_path):
     hook, before = config.custom_hooks[1], plain.custom_hooks[1]
     assert (config.model, hook, config.epochs) != (plain.model, before, plain.epochs)
     for key, value in options_of(text).items():
-        if key.startswith('strategy.'):
-            assert getattr(made.strategy, key.partition('.')[2]) == value
+        group, _, name = key.partition('.')
+        if group in RULES and name:
+            found = getattr(getattr(made.rules, group), name)
+            assert (list(found) if isinstance(found, tuple) else found) == value
     if 'MSE' in text:
         assert type(model.losses['ViewConsistency'].loss) is MSEAugLoss
     if 'aug_loss=None' in text:
@@ -60,5 +63,6 @@ def test_a_row_builds_and_differs_from_its_base(base, text, tmp_path):
 def test_the_page_has_all_rows_of_the_papers_tables():
     assert len(rows()) > 40
     found = ' '.join(text for _, text in rows())
-    for switch in ('color', 'scale', 'descriptor', 'semantics', 'normal_affinity', 'descriptor_affinity'):
-        assert f'strategy.use_{switch}=False' in found
+    for term in ('color', 'scale', 'descriptor', 'semantics'):
+        assert f'merge.without=[{term}]' in found
+    assert 'merge.lambda_normal=0' in found and 'merge.lambda_descriptor=0' in found

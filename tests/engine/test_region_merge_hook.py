@@ -10,25 +10,38 @@ import torch
 from runs import tiny_runs
 
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook, point_prediction
-from rm3d_plugin.labeling.round_times import RoundTimes, Seconds
+from rm3d_plugin.engine.round_times import RoundTimes
 from rm3d_plugin.storage import LabelStore, read_json
-from rm3d_plugin.structures import SceneSample
+from rm3d_plugin.structures import LabelStatistics, SceneSample
 
 
-class CountingLabeler:
+class CountingLabelMaker:
     """Notes what it is asked to do, in order."""
 
     def __init__(self, finished: tuple[int, ...] = ()) -> None:
         self.events: list[tuple[Any, ...]] = []
         self.finished = set(finished)
         self.predictions: list[Any] = []
-        self.judging = Seconds()
+        self.source = SimpleNamespace(extends=lambda number: number in self.extending)
+        self.extending: tuple[int, ...] = ()
 
-    def start(self, keep, log):
-        self.events.append(('start', keep))
+    def open(self, keep, log):
+        self.events.append(('open', keep))
 
-    def inform(self, model):
-        self.events.append(('inform', type(model).__name__))
+    def make_first_labels(self):
+        self.events.append(('first',))
+
+    def statistics(self):
+        return LabelStatistics(np.array([3, 1]))
+
+    def extend_budget(self, number, predictions):
+        self.events.append(('extend', number, [scene for scene, _ in predictions]))
+
+    def check(self, number, log):
+        self.events.append(('check', number))
+
+    def evaluate(self, number):
+        return {'coverage': number}
 
     def is_finished(self, number):
         return number in self.finished
@@ -44,8 +57,8 @@ class CountingLabeler:
         for scene_id, prediction in predictions:
             self.refresh(number, scene_id, prediction)
 
-    def finish(self, number, log):
-        self.events.append(('finish', number))
+    def finish(self, number, summary, log):
+        self.events.append(('finish', number, summary['coverage']))
         self.finished.add(number)
 
     def use(self, number):
@@ -56,6 +69,10 @@ class Model(torch.nn.Module):
     """Sees points 0 and 2 of three."""
 
     predict_points = False
+    statistics = None
+
+    def set_label_statistics(self, statistics):
+        self.statistics = statistics.class_counts.tolist()
 
     def test_step(self, batch):
         assert self.predict_points and not self.training and not torch.is_grad_enabled()
@@ -76,6 +93,7 @@ def epochs(hook, label_maker, first, last) -> list[list[tuple[Any, ...]]]:
     runner = SimpleNamespace(epoch=first, seed=5, model=Model(), logger=SimpleNamespace(info=print), work_dir='.')
     runner.build_dataloader = lambda loader, seed: loader if seed == 5 else None
     hook.before_train(runner)
+    assert runner.model.statistics == [3, 1]
     out = []
     for runner.epoch in range(first, last):
         label_maker.events.clear()
@@ -88,11 +106,12 @@ def epochs(hook, label_maker, first, last) -> list[list[tuple[Any, ...]]]:
 
 
 def refreshed(number):
-    return [('begin', number), ('refresh', number, 'a'), ('refresh', number, 'b'), ('finish', number), ('use', number)]
+    labels = [('refresh', number, 'a'), ('refresh', number, 'b')]
+    return [('begin', number), *labels, ('check', number), ('finish', number, number), ('use', number)]
 
 
 def test_every_interval_epochs_a_new_round_until_there_are_enough():
-    label_maker = CountingLabeler(finished=(0,))
+    label_maker = CountingLabelMaker(finished=(0,))
     hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=['a', 'b'], rounds=3)
     asked = epochs(hook, label_maker, 0, 8)
     kept = [[('use', 2)]] * 3
@@ -103,40 +122,48 @@ def test_every_interval_epochs_a_new_round_until_there_are_enough():
 
 
 def test_before_training_the_first_labels_are_made_and_the_model_is_told_sizes():
-    label_maker = CountingLabeler()
+    label_maker = CountingLabelMaker()
     epochs(RegionMergeHook(interval=2, label_maker=label_maker, dataloader=[]), label_maker, 0, 0)
-    assert label_maker.events == [('start', False), ('inform', 'Model')]
+    assert label_maker.events == [('open', False), ('first',), ('check', 0), ('finish', 0, 0)]
+
+
+def test_a_source_that_asks_for_it_shows_more_before_a_round_is_made():
+    label_maker = CountingLabelMaker(finished=(0,))
+    label_maker.extending = (1,)
+    hook = RegionMergeHook(interval=1, label_maker=label_maker, dataloader=['a', 'b'], rounds=3)
+    begin, *rest = refreshed(1)
+    assert epochs(hook, label_maker, 1, 3) == [[begin, ('extend', 1, ['a', 'b']), *rest], refreshed(2)]
 
 
 def test_the_first_labels_may_last_longer():
-    label_maker = CountingLabeler(finished=(0,))
+    label_maker = CountingLabelMaker(finished=(0,))
     hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=['a', 'b'], rounds=4, warm_up_rounds=2)
     asked = epochs(hook, label_maker, 0, 8)
     assert asked == [[('use', 0)]] * 4 + [refreshed(1), [('use', 1)], refreshed(2), [('use', 2)]]
 
 
 def test_one_round_means_that_the_first_labels_stay():
-    label_maker = CountingLabeler(finished=(0,))
+    label_maker = CountingLabelMaker(finished=(0,))
     hook = RegionMergeHook(interval=1, label_maker=label_maker, dataloader=['a'], rounds=1)
     assert epochs(hook, label_maker, 0, 4) == [[('use', 0)]] * 4
 
 
 @pytest.mark.parametrize('finished', [(0, 1), (0,)])
 def test_a_resumed_run_refreshes_only_what_is_not_complete(finished):
-    label_maker = CountingLabeler(finished)
+    label_maker = CountingLabelMaker(finished)
     hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=['a', 'b'], rounds=2)
     asked = epochs(hook, label_maker, 2, 4)
     assert asked == [[('use', 1)] if 1 in finished else refreshed(1), [('use', 1)]]
 
 
 def test_a_run_resumed_inside_a_round_goes_on_with_its_labels():
-    label_maker = CountingLabeler(finished=(0, 1))
+    label_maker = CountingLabelMaker(finished=(0, 1))
     hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=['a', 'b'], rounds=3)
     assert epochs(hook, label_maker, 3, 5) == [[('use', 1)], refreshed(2)]
 
 
 def test_predictions_are_scattered_to_all_points_of_the_scene():
-    label_maker = CountingLabeler(finished=(0,))
+    label_maker = CountingLabelMaker(finished=(0,))
     epochs(RegionMergeHook(interval=1, label_maker=label_maker, dataloader=['a'], rounds=2), label_maker, 1, 2)
     (prediction,) = label_maker.predictions
     nan = np.nan
@@ -156,7 +183,7 @@ def test_a_sample_may_leave_out_centres_and_indices_but_not_probabilities():
 @pytest.mark.parametrize('field', ['interval', 'rounds', 'warm_up_rounds'])
 def test_numbers_start_at_one(field):
     with pytest.raises(ValueError, match=f'RegionMergeHook.{field}: expected at least 1, got 0'):
-        RegionMergeHook(**{'interval': 1, 'label_maker': CountingLabeler(), 'dataloader': [], field: 0})
+        RegionMergeHook(**{'interval': 1, 'label_maker': CountingLabelMaker(), 'dataloader': [], field: 0})
 
 
 def test_a_run_tells_what_its_labels_cost(finished):

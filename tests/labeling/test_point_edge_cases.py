@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from labeling import rounds
 from mmengine.dataset import pseudo_collate
 from mmengine.registry import DefaultScope
 from reference.toy_scenes import CLASSES, make_scene
@@ -13,10 +14,10 @@ from reference.toy_scenes import CLASSES, make_scene
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, make_cloud
 from rm3d_plugin.datasets.transforms import pack_scene
 from rm3d_plugin.engine.config import load_config
-from rm3d_plugin.labeling import PointBudgetSource, PointPrediction, SegmentationLabelMaker
+from rm3d_plugin.labeling import PointBudgetSource, SegmentationLabelMaker
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.models.segmentors import RM3DSegmentor, segmentation_losses
-from rm3d_plugin.pseudo_labels import AnnotatedLabels
+from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
 from rm3d_plugin.registry import SCOPE, TRANSFORMS
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
 
@@ -54,8 +55,7 @@ def label_maker(folder, source, oversegmenter=GROWING, **settings) -> Segmentati
         oversegmenter=oversegmenter,
         **settings,
     )
-    made.start(keep=False, log=lambda text: None)
-    return made
+    return rounds.start(made)
 
 
 def two_rounds(folder, source, **settings) -> SegmentationLabelMaker:
@@ -67,7 +67,7 @@ def two_rounds(folder, source, **settings) -> SegmentationLabelMaker:
         probabilities = np.full((len(truth), 3), 0.02, dtype=np.float32)
         probabilities[np.arange(len(truth)), np.maximum(truth, 0)] = 0.96
         made.refresh(1, scene, PointPrediction(probabilities, None))
-    made.finish(1, log=lambda text: None)
+    rounds.close(made, 1)
     return made
 
 
@@ -93,7 +93,7 @@ def learn_and_predict(network, made, dataset_of):
     """One step and one prediction on the current labels, of classes and instances; all finite."""
     made.use(1)
     dataset = dataset_of(labels='store', label_store=made.store.root)
-    made.inform(network)
+    network.set_label_statistics(made.statistics())
     batch = batch_of(*(dataset.raw(i) for i in range(len(dataset))))
     losses = network(**network.data_preprocessor(batch, True), mode='loss')
     sum(losses.values()).backward()
@@ -265,7 +265,9 @@ def test_the_rules_of_the_configs_bear_every_edge(tmp_path, edge, leaf):
     if config.oversegmenter.type == 'GroundPatches':
         growing = {'type': 'GroundPatches', 'cell': config.oversegmenter.cell, 'rest': growing}
     source = PointBudgetSource(Scenes(*EDGES[edge]), 'onept')
-    made = two_rounds(tmp_path, source, strategy=config.strategy.to_dict(), oversegmenter=growing)
+    names = ('merge', 'propagation', 'region_prior', 'ground', 'self_training')
+    rules = {name: config.to_dict()[name] for name in names}
+    made = two_rounds(tmp_path, source, **rules, oversegmenter=growing)
     summary = made.store.summary(1)
     # One labelled region of each class is all that the prior of regions learns from, so some of its guesses are wrong.
     assert summary['coverage'] > 0.6 and summary['precision'] > 0.7

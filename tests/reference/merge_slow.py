@@ -26,30 +26,30 @@ def _cosine(a, b):
     return sum(x * y for x, y in zip(a, b, strict=True)) / (math.hypot(*a) * math.hypot(*b))
 
 
-def merge(graph, rows, labels, instances, strategy, round):
+def merge(graph, rows, labels, instances, rules, round):
     """Group of each region as a set of frozensets."""
     n = len(labels)
-    t = round / strategy.rounds
+    t = round / rules.rounds
     weights = (1 - t, 1 - t, 1 - t, t)
-    literal = strategy.thresholds == 'literal'
-    tau_merge, tau_seed = (x if literal else x / 2 for x in (strategy.tau_merge, strategy.tau_seed))
+    literal = rules.thresholds == 'literal'
+    tau_merge, tau_seed = (x if literal else x / 2 for x in (rules.tau_merge, rules.tau_seed))
     rows = [[float(c == labels[r]) for c in range(len(rows[r]))] if labels[r] >= 0 else rows[r] for r in range(n)]
     rows = [None if any(math.isnan(x) for x in row) else list(row) for row in rows]
     fit = {}
     for a, b in graph.edges.tolist():
         if rows[a] is None or rows[b] is None:
             continue
-        if not all(labels[r] >= 0 or max(rows[r]) >= strategy.gamma for r in (a, b)):
+        if not all(labels[r] >= 0 or max(rows[r]) >= rules.gamma for r in (a, b)):
             continue
         if rows[a].index(max(rows[a])) != rows[b].index(max(rows[b])):
             continue
-        total, mean = similarity(a, b, graph, rows, weights, strategy.color_sigma, strategy.lambda_seg)
+        total, mean = similarity(a, b, graph, rows, weights, rules.color_sigma, rules.lambda_seg)
         value = total if literal else mean
         if value >= tau_merge:
             fit[a, b] = value
     group = [{r} for r in range(n)]
     flat_first = sorted(range(n), key=lambda r: (graph.curvatures[r], r))
-    seeds = {r for r in range(n) if labels[r] >= 0} | set(flat_first[: math.ceil(strategy.seed_share * n)])
+    seeds = {r for r in range(n) if labels[r] >= 0} | set(flat_first[: math.ceil(rules.seed_share * n)])
     assigned = set(seeds)
     while True:
         offers = []

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference.merge_slow import merge as slow_merge
 
-from rm3d_plugin.regions import MergeLedger, MergeStrategy, Reason, merge
-from rm3d_plugin.structures import RegionGraph, Regions
+from rm3d_plugin.regions import MergeLedger, MergeRules, Reason, RegionEvidence, merge
+from rm3d_plugin.structures import RegionGraph
 
-GEOMETRY = MergeStrategy(seed_share=0.0)
+GEOMETRY = MergeRules(seed_share=0.0)
 
 
 def chain(n, extents=None):
@@ -42,10 +42,13 @@ def random_graph(rng, n, color=True):
     )
 
 
-def run(graph, probabilities, labels=None, strategy=GEOMETRY, round=4, **more):
-    n = len(graph)
-    labels = np.full(n, -1) if labels is None else np.asarray(labels)
-    return merge(Regions(np.arange(n)), graph, np.asarray(probabilities, dtype=float), labels, strategy, round, **more)
+def run(graph, probabilities, labels=None, rules=GEOMETRY, round=4, instances=None, centers=None):
+    unknown = np.full(len(graph), -1)
+    labels = unknown if labels is None else np.asarray(labels)
+    instances = unknown if instances is None else instances
+    return merge(
+        graph, RegionEvidence(np.asarray(probabilities, dtype=float), labels, instances, centers), rules, round
+    )
 
 
 def test_confident_agreement_merges():
@@ -90,7 +93,7 @@ def test_no_merge_across_classes_in_the_first_round_without_predictions():
     assert result.group.tolist() == [0, 0, 1, 2]
 
 
-def test_two_true_instances_never_end_in_one_group():
+def test_two_annotated_instances_never_end_in_one_group():
     # The middle region is claimed by one of them; the other must stay apart even through it.
     rows = np.tile([0.9, 0.1], (3, 1))
     result = run(chain(3), rows, labels=[0, -1, 0], instances=np.array([5, -1, 6]))
@@ -127,8 +130,8 @@ def test_literal_thresholds_close_when_the_printed_sums_cannot_be_reached():
     rows = np.tile([1.0, 0.0], (2, 1))
     literal = replace(GEOMETRY, thresholds='literal')
     # Without colour S = 2 (1 - t) + t = 2 - t at most: Condition 3 fails from t > .75 on, Condition 4 from t > .5.
-    merged = [bool(run(chain(2), rows, strategy=literal, round=r).ledger.accepted[0]) for r in range(9)]
-    seeds = [bool(run(chain(2), rows, strategy=literal, round=r).ledger.became_seed[0]) for r in range(9)]
+    merged = [bool(run(chain(2), rows, rules=literal, round=r).ledger.accepted[0]) for r in range(9)]
+    seeds = [bool(run(chain(2), rows, rules=literal, round=r).ledger.became_seed[0]) for r in range(9)]
     assert merged == [True] * 7 + [False] * 2
     assert seeds == [True] * 5 + [False] * 4
     assert all(run(chain(2), rows, round=r).ledger.accepted[0] for r in range(9))
@@ -141,12 +144,12 @@ def test_shifted_centres_separate_instances_by_class():
     both = replace(GEOMETRY, centre_distance=0.3)
     one = replace(GEOMETRY, centre_distance=(0.3, None))
     assert run(graph, rows, centers=centers).group.tolist() == [0, 0, 1, 1]
-    assert run(graph, rows, strategy=both, centers=centers).group.tolist() == [0, 1, 2, 3]
-    assert run(graph, rows, strategy=one, centers=centers).group.tolist() == [0, 1, 2, 2]
+    assert run(graph, rows, rules=both, centers=centers).group.tolist() == [0, 1, 2, 3]
+    assert run(graph, rows, rules=one, centers=centers).group.tolist() == [0, 1, 2, 2]
     unknown = np.where(np.arange(4)[:, None] == 1, np.nan, centers)
-    assert run(graph, rows, strategy=one, centers=unknown).group.tolist() == [0, 0, 1, 1]
+    assert run(graph, rows, rules=one, centers=unknown).group.tolist() == [0, 0, 1, 1]
     with pytest.raises(ValueError, match='centre_distance'):
-        run(graph, rows, strategy=replace(GEOMETRY, centre_distance=(0.3,)), centers=centers)
+        run(graph, rows, rules=replace(GEOMETRY, centre_distance=(0.3,)), centers=centers)
 
 
 @pytest.mark.parametrize('n', [0, 1])
@@ -157,8 +160,8 @@ def test_nothing_to_merge(n):
 
 
 def test_errors_name_what_does_not_fit():
-    with pytest.raises(ValueError, match='probabilities has 3 rows, expected 2'):
-        merge(Regions(np.arange(2)), chain(2), np.zeros((3, 2)), np.full(2, -1), GEOMETRY, 0)
+    with pytest.raises(ValueError, match='probabilities: has 3 rows, expected 2'):
+        run(chain(2), np.zeros((3, 2)))
     with pytest.raises(ValueError, match='class 2, but probabilities have 2 columns'):
         run(chain(2), np.full((2, 2), 0.5), labels=[2, -1])
 
@@ -169,6 +172,9 @@ def test_the_ledger_survives_a_round_trip_and_selects():
     for name, column in ledger.to_arrays().items():
         np.testing.assert_array_equal(column, again.to_arrays()[name])
     assert len(ledger.select(ledger.accepted)) == int(ledger.accepted.sum())
+    old = {k: v for k, v in ledger.to_arrays().items() if k != 'format'}
+    with pytest.raises(ValueError, match='has format 1, this version reads 2; make the labels of that run again'):
+        MergeLedger.from_arrays(old)
     with pytest.raises(ValueError, match=r"\['S'\] are missing"):
         MergeLedger.from_arrays({k: v for k, v in ledger.to_arrays().items() if k != 'S'})
 
@@ -191,10 +197,10 @@ def as_sets(group):
 @pytest.mark.parametrize('thresholds', ['normalised', 'literal'])
 def test_equals_the_slow_twin(seed, thresholds):
     graph, rows, labels, instances = scene(seed, 40, color=seed % 2 == 0)
-    strategy = MergeStrategy(thresholds=thresholds, seed_share=0.05)
+    rules = MergeRules(thresholds=thresholds, seed_share=0.05)
     for round in (1, 4, 8):
-        fast = run(graph, rows, labels, strategy, round, instances=instances)
-        slow = slow_merge(graph, rows.tolist(), labels.tolist(), instances.tolist(), strategy, round)
+        fast = run(graph, rows, labels, rules, round, instances=instances)
+        slow = slow_merge(graph, rows.tolist(), labels.tolist(), instances.tolist(), rules, round)
         assert as_sets(fast.group) == slow
 
 
@@ -202,7 +208,7 @@ def test_equals_the_slow_twin(seed, thresholds):
 @given(seed=st.integers(0, 10_000), n=st.integers(2, 40), round=st.integers(0, 8))
 def test_properties(seed, n, round):
     graph, rows, labels, instances = scene(seed, n)
-    result = run(graph, rows, labels, MergeStrategy(), round, instances=instances)
+    result = run(graph, rows, labels, MergeRules(), round, instances=instances)
     classes = np.where(labels >= 0, labels, np.nan_to_num(rows).argmax(axis=1))
     assert result.group[0] == 0 and (np.diff(np.unique(result.group)) == 1).all()
     for members in as_sets(result.group):
@@ -224,5 +230,5 @@ def test_properties(seed, n, round):
         sizes=graph.sizes[order],
         edges=edges,
     )
-    again = run(renamed, rows[order], labels[order], MergeStrategy(), round, instances=instances[order])
+    again = run(renamed, rows[order], labels[order], MergeRules(), round, instances=instances[order])
     assert as_sets(again.group[place]) == as_sets(result.group)

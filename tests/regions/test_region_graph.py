@@ -9,7 +9,6 @@ from rm3d_plugin.regions.graph import (
     RegionGaps,
     build_region_graph,
     keep_nearest,
-    region_gap,
     regions_within,
     touching_regions,
 )
@@ -74,12 +73,6 @@ def test_touching_regions_equal_the_nearest_neighbours_of_scipy():
             pair = (int(min(i, j)), int(max(i, j)))
             expected[pair] = min(d, expected.get(pair, np.inf))
     assert as_dict(touching_regions(xyz, regions)) == pytest.approx(expected)
-
-
-def test_gap_of_two_sets():
-    a, b = np.random.default_rng(0).normal(size=(2, 40, 3))
-    assert region_gap(a, b + 5) == pytest.approx(cKDTree(b + 5).query(a)[0].min())
-    assert region_gap(a, np.zeros((0, 3))) == np.inf
 
 
 def test_graph_of_squares_in_a_row():

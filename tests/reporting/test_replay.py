@@ -4,19 +4,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pseudo_labels import refreshing
 from pseudo_labels.patches import CLASSES, make_patches
 
 from rm3d_plugin.datasets.base import Truth
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.labeling.sources import LabelSource
-from rm3d_plugin.pseudo_labels import refresh_points
+from rm3d_plugin.pseudo_labels import SegmentationRules, SelfTrainingRules
 from rm3d_plugin.pseudo_labels.common.ledger import extreme_merges
-from rm3d_plugin.regions import MergeLedger, MergeStrategy, Reason
-from rm3d_plugin.reporting.replay import RoundOfLabels, changed_strategy, decide_again, format_extremes, format_replay
+from rm3d_plugin.regions import MergeLedger, MergeRules, Reason
+from rm3d_plugin.reporting.replay import (
+    ReplayRules,
+    RoundOfLabels,
+    changed_rules,
+    decide_again,
+    format_extremes,
+    format_replay,
+)
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.structures import Boxes3D, SceneError
 
-STRATEGY = MergeStrategy(gamma=0.5, centre_distance=(1.5, None, 2.0), rounds=4)
+MERGE = MergeRules(gamma=0.5, centre_distance=(1.5, None, 2.0), rounds=4)
+RULES = ReplayRules(MERGE)
 ROUNDS = 3
 
 
@@ -37,17 +46,16 @@ class Scenes(LabelSource):
         return Truth(Boxes3D.empty(), self.patches[index].truth)
 
 
-def refresh(patches, number, previous, strategy=STRATEGY):
+def refresh(patches, number, previous, rules=RULES):
     rng = np.random.default_rng(number)
     rows = centers = None
     if number:
         rows = patches.softmax(rng, noise=0.9)
         rows[rng.random(len(rows)) < 0.05] = np.nan
         centers = patches.graph.centroids[patches.regions.labels] + rng.normal(0, 0.2, (len(rows), 3))
-    return refresh_points(
-        patches.cloud, patches.regions, patches.graph, patches.annotated, rows, centers, previous, strategy, number,
-        patches.counts, (0, 1),
-    )  # fmt: skip
+    scene = refreshing.inputs(patches, rows=rows, centers=centers, previous=previous)
+    rules = SegmentationRules(rules.merge, self_training=rules.self_training)
+    return refreshing.points(scene, rules, number, patches.counts, (0, 1))
 
 
 @pytest.fixture(scope='module')
@@ -89,24 +97,27 @@ def test_the_same_thresholds_give_the_very_same_labels(run, number):
         {'tau_merge': 1.5, 'tau_seed': 1.7},
         {'thresholds': 'literal'},
         {'weight_balancing': False},
-        {'use_color': False},
-        {'use_scale': False},
-        {'use_descriptor': False},
-        {'use_semantics': False},
-        {'use_normal_affinity': False},
-        {'use_descriptor_affinity': False},
+        {'without': ['color']},
+        {'without': ['scale']},
+        {'without': ['descriptor']},
+        {'without': ['semantics']},
+        {'lambda_normal': 0.0},
+        {'lambda_descriptor': 0.0},
         {'lambda_seg': 8.0, 'lambda_normal': 0.2},
-        {'permanent': False, 'gamma': 0.75},
-        {'quota': 0.3},
+        {'demote_margin': 0.15, 'gamma': 0.75},
+        {'cbst_fraction': 0.3},
         {'centre_distance': None, 'seed_share': 0.2},
     ],
 )
 def test_other_thresholds_give_what_a_refresh_with_them_gives(run, changes):
     store, patches = run
     ledger, stored, previous = read(store, 's0', 2)
-    strategy = replace(STRATEGY, **changes)
-    want = refresh(patches[0], 2, previous, strategy)
-    got = decide_again(ledger, stored, previous, strategy)
+    limits = {name: changes[name] for name in changes if name.startswith('cbst')}
+    others = {name: changes[name] for name in changes if name not in limits}
+    rules = ReplayRules(replace(MERGE, **others), SelfTrainingRules(**limits))
+    assert changed_rules(RULES, changes) == rules
+    want = refresh(patches[0], 2, previous, rules)
+    got = decide_again(ledger, stored, previous, rules)
     np.testing.assert_array_equal(got.merge.group, want.merge.group)
     np.testing.assert_array_equal(got.semantic, want.labels.semantic)
 
@@ -114,17 +125,17 @@ def test_other_thresholds_give_what_a_refresh_with_them_gives(run, changes):
 def test_the_round_is_compared_and_judged(run):
     store, patches = run
     chosen = RoundOfLabels(store.root, 2, source=Scenes(patches))
-    same = chosen.replay({'gamma': STRATEGY.gamma})
+    same = chosen.replay({'gamma': MERGE.gamma})
     assert all(c.labels_changed == 0 and c.merges_changed == 0 for c in same.values())
-    strict = chosen.replay({'tau': 0.85, 'gamma': 0.7, 'permanent': False})
+    strict = chosen.replay({'tau': 0.85, 'gamma': 0.7, 'demote_margin': 0.15})
     total = strict['s0'] + strict['s1']
     assert total.merges[1] < total.merges[0] and total.merges_changed > 0 and total.labels_changed > 0
     before = [store.read(s, 2) for s in ('s0', 's1')]
     assert total.labelled[0] == sum(int((labels.semantic >= 0).sum()) for labels in before)
-    judged = [(b.semantic >= 0) & ~b.point_is_annotated for b in before]
-    assert total.judged[0] == sum(int(j.sum()) for j in judged)
-    pairs = zip(before, judged, patches, strict=True)
-    assert total.right[0] == sum(int((b.semantic == p.truth)[j].sum()) for b, j, p in pairs)
+    compared = [(b.semantic >= 0) & ~b.point_is_annotated for b in before]
+    assert total.compared[0] == sum(int(j.sum()) for j in compared)
+    pairs = zip(before, compared, patches, strict=True)
+    assert total.correct[0] == sum(int((b.semantic == p.truth)[j].sum()) for b, j, p in pairs)
     text = format_replay(strict, {'tau': 0.85})
     assert 'precision' in text and text.splitlines()[-1].startswith('all: merges')
     blind = RoundOfLabels(store.root, 2, 's1').replay({'tau': 0.85})
@@ -132,10 +143,10 @@ def test_the_round_is_compared_and_judged(run):
 
 
 def test_tau_is_what_the_compared_value_must_reach():
-    assert changed_strategy(STRATEGY, {'tau': 0.7}).merge_threshold() == pytest.approx(0.7)
-    assert changed_strategy(STRATEGY, {'tau': 0.7}).seed_threshold() == 0.75
-    assert changed_strategy(STRATEGY, {'tau': 0.9}).seed_threshold() == pytest.approx(0.9)
-    literal = changed_strategy(STRATEGY, {'tau': 1.1, 'thresholds': 'literal'})
+    assert changed_rules(RULES, {'tau': 0.7}).merge.merge_threshold() == pytest.approx(0.7)
+    assert changed_rules(RULES, {'tau': 0.7}).merge.seed_threshold() == 0.75
+    assert changed_rules(RULES, {'tau': 0.9}).merge.seed_threshold() == pytest.approx(0.9)
+    literal = changed_rules(RULES, {'tau': 1.1, 'thresholds': 'literal'}).merge
     assert (literal.merge_threshold(), literal.tau_merge) == (1.1, 1.1)
 
 
@@ -144,13 +155,13 @@ def test_tau_is_what_the_compared_value_must_reach():
     [
         ({'gama': 0.7}, 'gama: is no threshold or switch. Expected any of tau, tau_merge'),
         ({'pooling': 'max'}, 'pooling: is decided before the ledger is written'),
-        ({'gamma': 7}, r'MergeStrategy\.gamma: expected a probability'),
+        ({'gamma': 7}, r'MergeRules\.gamma: expected a probability'),
         ({'tau': 'high'}, 'high'),
     ],
 )
 def test_what_cannot_be_replayed_is_named(changes, message):
     with pytest.raises(ConfigError, match=message):
-        changed_strategy(STRATEGY, changes)
+        changed_rules(RULES, changes)
 
 
 def test_rounds_and_scenes_that_are_not_there(run, tmp_path):

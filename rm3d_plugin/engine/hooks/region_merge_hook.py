@@ -10,9 +10,10 @@ from mmengine.hooks import Hook
 from mmengine.runner import Runner
 from tqdm import tqdm
 
-from rm3d_plugin.labeling.label_maker import LabelMaker, PointPrediction
-from rm3d_plugin.labeling.round_times import RoundTimes, Seconds, Stopwatch
+from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
+from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.ops.segment import scatter_rows
+from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
 from rm3d_plugin.structures import Boxes3D
 
@@ -21,14 +22,15 @@ from rm3d_plugin.structures import Boxes3D
 class RegionMergeHook(Hook):
     """Decides when: before training the first labels are made, then every ``interval`` epochs new ones (METHOD 1).
 
-    How they are made is the label_maker's business. The hook works in any mmengine project whose model, in mode
-    ``predict``, returns data samples with ``pred_point_probs`` (n, classes) and optionally ``pred_point_centers``
+    How they are made is the label maker's business. The hook works in any mmengine project whose model has
+    ``set_label_statistics(statistics)`` (:class:`~rm3d_plugin.structures.LabelStatistics`; it may do nothing) and, in
+    mode ``predict``, returns data samples with ``pred_point_probs`` (n, classes) and optionally ``pred_point_centers``
     (n, 3) and ``point_index`` (n,).
 
     Args:
         interval: sigma, epochs between two refreshes.
         rounds: Sets of labels in the whole run; the first is made without a network.
-        label_maker: A label_maker (:class:`~rm3d_plugin.labeling.label_maker.LabelMaker`) or its config.
+        label_maker: A label maker (:class:`~rm3d_plugin.labeling.label_maker.LabelMaker`) or its config.
         warm_up_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
             has seen more, which counts where few labels are annotated or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
@@ -62,17 +64,21 @@ class RegionMergeHook(Hook):
         self.label_maker: LabelMaker = TASK_UTILS.build(label_maker) if isinstance(label_maker, dict) else label_maker
 
     def before_train(self, runner: Runner) -> None:
-        """Prepare the geometry, make the first labels, and tell the model the sizes of the annotated boxes."""
+        """Prepare the geometry, make the first labels, and tell the model what the annotated labels say as a whole."""
         watch = Stopwatch()
         self.times = RoundTimes(runner.work_dir, runner.epoch)
         if isinstance(self.dataloader, Mapping) and self.dataloader['sampler']['type'] == 'DefaultSampler':
             self.dataloader['sampler'].setdefault('round_up', False)  # each scene goes to one process
         self.dataloader = runner.build_dataloader(self.dataloader, seed=runner.seed)
+        keep, evaluating = runner.epoch > 0, Seconds()
         if is_main_process():
-            self.label_maker.start(keep=runner.epoch > 0, log=runner.logger.info)
+            self.label_maker.open(keep, runner.logger.info)
+            if not (keep and self.label_maker.is_finished(0)):
+                self.label_maker.make_first_labels()
+                evaluating = self._close(0, runner)
         barrier()
-        self.label_maker.inform(_unwrapped(runner.model))
-        self._labels_took(0, watch.read(), runner.epoch == 0)
+        _unwrapped(runner.model).set_label_statistics(self.label_maker.statistics())
+        self._labels_took(0, watch.read(), evaluating, new=not keep)
 
     def before_train_epoch(self, runner: Runner) -> None:
         """Refresh the labels when a round begins; point the store at the round of this epoch."""
@@ -80,8 +86,8 @@ class RegionMergeHook(Hook):
         starts = runner.epoch % self.interval == 0
         if number and starts and not self.label_maker.is_finished(number):
             watch, self._predicting = Stopwatch(), Seconds()
-            self._refresh(runner, number)
-            self._labels_took(number, watch.read(), True)
+            evaluating = self._refresh(runner, number)
+            self._labels_took(number, watch.read(), evaluating, new=True)
             self._tell(number, runner)
         barrier()
         self.label_maker.use(number)
@@ -97,11 +103,10 @@ class RegionMergeHook(Hook):
         """Whose labels an epoch (from 0) is trained on."""
         return min(max(epoch // self.interval - self.warm_up_rounds + 1, 0), self.rounds - 1)
 
-    def _labels_took(self, number: int, seconds: Seconds, new: bool) -> None:
+    def _labels_took(self, number: int, seconds: Seconds, evaluating: Seconds, new: bool) -> None:
         self.seconds += seconds.wall
         if new and is_main_process():
-            judging = self.label_maker.judging
-            self.times.labels(number, seconds.minus(judging), self._predicting, judging)
+            self.times.labels(number, seconds.minus(evaluating), self._predicting, evaluating)
 
     def _tell(self, number: int, runner: Runner) -> None:
         if not is_main_process():
@@ -110,17 +115,28 @@ class RegionMergeHook(Hook):
         share = f', {100 * taken.labels / before.wall:.0f} % of the training before' if before.wall else ''
         runner.logger.info(f'labels of round {number} took {taken.labels:.1f} s{share}')
 
-    def _refresh(self, runner: Runner, number: int) -> None:
+    def _refresh(self, runner: Runner, number: int) -> Seconds:
+        """Make the labels of a round; what evaluating them took."""
         if is_main_process():
             self.label_maker.begin(number)
         barrier()
         runner.model.eval()
         _unwrapped(runner.model).predict_points = True
+        if self.label_maker.source.extends(number):
+            self.label_maker.extend_budget(number, self._predictions(runner.model, number))
         self.label_maker.refresh_all(number, self._predictions(runner.model, number))
         _unwrapped(runner.model).predict_points = False
         barrier()
-        if is_main_process():
-            self.label_maker.finish(number, log=runner.logger.info)
+        return self._close(number, runner) if is_main_process() else Seconds()
+
+    def _close(self, number: int, runner: Runner) -> Seconds:
+        """Check, evaluate and close a round; what evaluating took, which is no part of the method."""
+        self.label_maker.check(number, runner.logger.info)
+        watch = Stopwatch()
+        summary = self.label_maker.evaluate(number)
+        taken = watch.read()
+        self.label_maker.finish(number, summary, runner.logger.info)
+        return taken
 
     def _predictions(self, model: Any, number: int) -> Iterator[tuple[str, PointPrediction]]:
         """What the network says of the scenes of this process, one by one."""

@@ -15,8 +15,8 @@ from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.engine.round_times import Stopwatch
 from rm3d_plugin.experiments.benchmarks.measure import forget_peak, machine, memory_mb
-from rm3d_plugin.labeling.round_times import Stopwatch
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.storage import LabelStore, read_json, write_json
 from rm3d_plugin.storage.ply import write_ply

@@ -51,13 +51,13 @@ class AnnotatedLabels:
         return len(self.semantic)
 
 
-class Truth(NamedTuple):
-    """What is surely known of each point.
+class PointAnnotation(NamedTuple):
+    """What annotated labels tell of each point.
 
     Attributes:
         semantic: (N,) int64 class, -1 = unknown.
         instance: (N,) int64 row of the boxes or instance number, -1 = none.
-        seeds: (N,) int64 the classes that may spread to the rest of a region: those not bounded by a box.
+        seeds: (N,) int64 the classes that may propagate to the rest of a region: those not bounded by a box.
         shell: (N,) bool, just outside an annotated box.
     """
 
@@ -66,17 +66,27 @@ class Truth(NamedTuple):
     seeds: Int[np.ndarray, ' points']
     shell: Bool[np.ndarray, ' points']
 
+    @property
+    def known(self) -> Bool[np.ndarray, ' points']:
+        """Points with a class."""
+        return self.semantic >= 0
 
-def known_points(annotated: AnnotatedLabels) -> Truth:
-    """Truth of a segmentation scene: annotated points, which spread to their regions."""
+    def without(self, points: Bool[np.ndarray, ' points']) -> 'PointAnnotation':
+        """The annotation of a segmentation scene as if these points had none."""
+        semantic = np.where(points, UNLABELLED, self.semantic)
+        return self._replace(semantic=semantic, instance=np.where(points, -1, self.instance), seeds=semantic)
+
+
+def annotated_points(annotated: AnnotatedLabels) -> PointAnnotation:
+    """Annotation of a segmentation scene: single points, which propagate to their regions."""
     shell = np.zeros(len(annotated), dtype=bool)
-    return Truth(annotated.semantic, annotated.instance, annotated.semantic, shell)
+    return PointAnnotation(annotated.semantic, annotated.instance, annotated.semantic, shell)
 
 
-def known_by_boxes(xyz: Float[np.ndarray, 'points 3'], annotated: AnnotatedLabels, background: int) -> Truth:
-    """Truth of a detection scene: an annotated box tells exactly which points are its object.
+def points_of_boxes(xyz: Float[np.ndarray, 'points 3'], annotated: AnnotatedLabels, background: int) -> PointAnnotation:
+    """Annotation of a detection scene: an annotated box tells exactly which points are its object.
 
-    So its class holds inside the box and does not spread; what lies within 0.3 m around it is background. Where a
+    So its class holds inside the box and does not propagate; what lies within 0.3 m around it is background. Where a
     scene is complete, all that is in no box is background.
 
     Args:
@@ -92,36 +102,36 @@ def known_by_boxes(xyz: Float[np.ndarray, 'points 3'], annotated: AnnotatedLabel
         semantic = np.where(semantic >= 0, semantic, background)
     seeds = np.where(instance < 0, annotated.semantic, UNLABELLED)
     around = points_in_boxes(xyz, annotated.boxes.tensor, margin=BOX_SHELL) >= 0
-    return Truth(semantic, instance, seeds, around & (semantic < 0))
+    return PointAnnotation(semantic, instance, seeds, around & (semantic < 0))
 
 
-class RegionTruth(NamedTuple):
-    """True class and instance of each region, -1 where unknown."""
+class RegionAnnotation(NamedTuple):
+    """Annotated class and instance of each region, -1 where unknown."""
 
     labels: Int[np.ndarray, ' regions']
     instances: Int[np.ndarray, ' regions']
 
 
-def known_regions(regions: Regions, truth: Truth, min_share: float) -> RegionTruth:
-    """Class and instance of the regions that hold true labels.
+def annotated_regions(regions: Regions, points: PointAnnotation, min_share: float) -> RegionAnnotation:
+    """Class and instance of the regions that hold annotated labels.
 
     Args:
         regions: Partition of the scene.
-        truth: What is known of the points.
-        min_share: Share of a region's points that labels which do not spread must cover to name the region; labels
-            that spread (seeds) name it however few they are.
+        points: What is annotated of the points.
+        min_share: Share of a region's points that labels which do not propagate must cover to name the region; labels
+            that do (seeds) name it however few they are.
 
     Returns:
         The most frequent class (tie: the lowest) and, among its points, the most frequent instance.
     """
     count = len(regions)
-    covered = np.bincount(regions.labels[(regions.labels >= 0) & (truth.semantic >= 0)], minlength=count)
-    seeded = np.bincount(regions.labels[(regions.labels >= 0) & (truth.seeds >= 0)], minlength=count) > 0
+    covered = np.bincount(regions.labels[(regions.labels >= 0) & (points.semantic >= 0)], minlength=count)
+    seeded = np.bincount(regions.labels[(regions.labels >= 0) & (points.seeds >= 0)], minlength=count) > 0
     named = seeded | ((covered > 0) & (covered >= min_share * regions.sizes))
-    labels = np.where(named, _mode(regions.labels, truth.semantic, count), UNLABELLED)
-    same = truth.semantic == np.append(labels, -2)[regions.labels]
-    instances = _mode(regions.labels, np.where(same, truth.instance, -1), count)
-    return RegionTruth(labels, np.where(named, instances, -1))
+    labels = np.where(named, _mode(regions.labels, points.semantic, count), UNLABELLED)
+    same = points.semantic == np.append(labels, -2)[regions.labels]
+    instances = _mode(regions.labels, np.where(same, points.instance, -1), count)
+    return RegionAnnotation(labels, np.where(named, instances, -1))
 
 
 def _mode(
@@ -137,3 +147,41 @@ def _mode(
         winners = pairs[order[first]]
         out[winners[:, 0]] = winners[:, 1]
     return out
+
+
+class RegionClassPairs(NamedTuple):
+    """Each region with each class of which it holds an annotated label, in ascending order.
+
+    Attributes:
+        regions: (S,) int64.
+        classes: (S,) int64.
+    """
+
+    regions: Int[np.ndarray, ' pairs']
+    classes: Int[np.ndarray, ' pairs']
+
+
+def annotated_region_classes(
+    region_labels: Int[np.ndarray, ' points'], annotated: Int[np.ndarray, ' points']
+) -> RegionClassPairs:
+    """Which classes the annotated labels of each region name."""
+    seeds = (annotated >= 0) & (region_labels >= 0)
+    pairs = np.unique(np.stack([region_labels[seeds], annotated[seeds]], axis=1), axis=0).astype(np.int64)
+    return RegionClassPairs(pairs[:, 0], pairs[:, 1])
+
+
+def usual_lengths(
+    classes: Int[np.ndarray, ' pairs'], lengths: Float[np.ndarray, ' pairs'], count: int, least: int = 3
+) -> Float[np.ndarray, ' classes']:
+    """Median length of the regions in which labels of each class were annotated.
+
+    Args:
+        classes: Class of each seeded region, of all scenes.
+        lengths: Its length, metres.
+        count: Number of classes.
+        least: Regions that a class needs.
+
+    Returns:
+        (C,) metres; NaN for a class of fewer regions.
+    """
+    return np.array([np.median(own) if len(own := lengths[classes == c]) >= least else np.nan for c in range(count)])

@@ -1,4 +1,4 @@
-"""Labels of points on their way from groups to a finished scene."""
+"""Label assembly: from regions to groups, and labels of points laid over each other until a scene is finished."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -6,30 +6,50 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.pseudo_labels.common.annotated import AnnotatedLabels, Truth, known_regions
-from rm3d_plugin.pseudo_labels.common.groups import GroupLabels, count_votes, point_values, pool_rows, seen_rows
+from rm3d_plugin.pseudo_labels.common.annotated import PointAnnotation, annotated_regions
+from rm3d_plugin.pseudo_labels.common.groups import (
+    GroupLabels,
+    Pooled,
+    count_votes,
+    point_values,
+    pool_rows,
+    seen_rows,
+)
+from rm3d_plugin.pseudo_labels.common.inputs import CommonRules, RoundContext, SceneInputs
 from rm3d_plugin.pseudo_labels.common.record import RefreshRecord
-from rm3d_plugin.pseudo_labels.common.top_fraction import within_quota
-from rm3d_plugin.pseudo_labels.ground.labels import level_regions
-from rm3d_plugin.pseudo_labels.region_prior.prior import with_prior
-from rm3d_plugin.regions import MergeResult, MergeStrategy, merge
-from rm3d_plugin.structures import UNLABELLED, PointCloud, PseudoLabels, RegionGraph, Regions
+from rm3d_plugin.pseudo_labels.common.self_training import most_confident_groups
+from rm3d_plugin.regions import MergeResult, MergeRules, RegionEvidence, merge
+from rm3d_plugin.structures import UNLABELLED, PointCloud, PseudoLabels
 
 BOX_REGION_SHARE = 0.5  # share of a region that an annotated box must hold to name it
 
 
-class Draft(NamedTuple):
-    """Labels of points before truth is laid over them."""
+class LabelAssembly(NamedTuple):
+    """Labels of points while they are put together; later layers lie over earlier ones.
+
+    Attributes:
+        semantic: (N,) int64 class, -1 = none.
+        confidence: (N,) float32 in [0, 1].
+    """
 
     semantic: Int[np.ndarray, ' points']
     confidence: Float[np.ndarray, ' points']
+
+    def overlay(
+        self, where: Bool[np.ndarray, ' points'], semantic: np.ndarray | int, confidence: np.ndarray | float
+    ) -> 'LabelAssembly':
+        """Other labels for some of the points."""
+        return LabelAssembly(
+            np.where(where, semantic, self.semantic).astype(np.int64),
+            np.where(where, confidence, self.confidence).astype(np.float32),
+        )
 
 
 class Grouped(NamedTuple):
     """Result of merging, for groups and for points.
 
     Attributes:
-        merge: Groups and the ledger, which holds all that is needed to decide again.
+        merge: Groups and the ledger.
         groups: What each group is.
         points: (N,) group of each point, -1 = none.
         ranges: (N,) metres from the sensor.
@@ -42,73 +62,92 @@ class Grouped(NamedTuple):
     ranges: Float[np.ndarray, ' points']
     record: RefreshRecord
 
+    def with_record(self) -> MergeResult:
+        """The result whose ledger holds all that is needed to decide again."""
+        return self.merge._replace(ledger=replace(self.merge.ledger, known=self.record.to_arrays()))
 
-def check_rows(expected: int, **arrays: np.ndarray | AnnotatedLabels | None) -> None:
-    """Raise a ValueError that names the first array without one row a point; None passes."""
-    for name, array in arrays.items():
-        if array is not None and len(array) != expected:
-            raise ValueError(f'refresh: {name} has {len(array)} rows, expected {expected} (one a point of the scene)')
+
+def pool_predictions(
+    scene: SceneInputs, round: RoundContext[CommonRules], use: Bool[np.ndarray, ' points'] | None = None
+) -> Pooled:
+    """Softmax of each region; NaN rows where the network saw nothing.
+
+    Args:
+        scene: Whose regions.
+        round: Says how to pool.
+        use: Points that count; None: all that the network saw.
+
+    Raises:
+        ValueError: The prediction has no column a class.
+    """
+    regions, classes = scene.geometry.regions, len(round.class_counts)
+    expected = (len(regions.labels), classes)
+    rows = np.full(expected, np.nan) if scene.probabilities is None else scene.probabilities
+    if rows.shape != expected:
+        raise ValueError(f'refresh: probabilities have shape {rows.shape}, expected {expected}')
+    seen = seen_rows(rows) if use is None else seen_rows(rows) & use
+    return pool_rows(rows, seen, regions.labels, len(regions), round.rules.merge.pooling)
+
+
+def pool_centers(scene: SceneInputs) -> Float[np.ndarray, 'regions 3'] | None:
+    """Mean shifted centre of each region, metres; None where the network votes for none."""
+    regions, centers = scene.geometry.regions, scene.centers
+    if centers is None or scene.probabilities is None:
+        return None
+    seen = seen_rows(scene.probabilities) & np.isfinite(centers).all(axis=1)
+    return pool_rows(centers, seen, regions.labels, len(regions)).values
 
 
 def group_regions(
-    cloud: PointCloud,
-    regions: Regions,
-    graph: RegionGraph,
-    truth: Truth,
-    probabilities: np.ndarray | None,
-    centers: np.ndarray | None,
-    strategy: MergeStrategy,
-    round: int,
-    class_counts: np.ndarray,
-    class_gamma: np.ndarray | None = None,
-    prior: np.ndarray | None = None,
+    scene: SceneInputs, round: RoundContext[CommonRules], annotation: PointAnnotation, pooled: Pooled
 ) -> Grouped:
-    """Merge the regions and decide the class of every group; ``class_gamma`` is only put on record.
+    """Merge the regions and decide the class of every group.
 
-    Raises:
-        ValueError: The predictions have no row a point or no column a class.
+    Args:
+        scene: Whose regions.
+        round: Rules, and where their schedule stands.
+        annotation: What is annotated of the points.
+        pooled: What each region is likely to be.
     """
-    n, count = len(regions.labels), len(regions)
-    rows = np.full((n, len(class_counts)), np.nan) if probabilities is None else probabilities
-    if rows.shape != (n, len(class_counts)):
-        raise ValueError(f'refresh: probabilities have shape {rows.shape}, expected {(n, len(class_counts))}')
-    seen = seen_rows(rows)
-    pooled = pool_rows(rows, seen, regions.labels, count, strategy.pooling)
-    if prior is not None:
-        network = None if probabilities is None else pooled
-        pooled = with_prior(network, regions.sizes, prior, strategy.inverse_temperature)
-    known = known_regions(regions, truth, BOX_REGION_SHARE)
-    pooled_centers = None
-    if centers is not None:
-        check_rows(n, centers=centers)
-        pooled_centers = pool_rows(centers, seen & np.isfinite(centers).all(axis=1), regions.labels, count).values
-    result = merge(regions, graph, pooled.values, known.labels, strategy, round, pooled_centers, known.instances)
+    regions, graph, rules = scene.geometry.regions, scene.geometry.graph, round.rules.merge
+    known = annotated_regions(regions, annotation, BOX_REGION_SHARE)
+    evidence = RegionEvidence(pooled.values, known.labels, known.instances, pool_centers(scene))
+    result = merge(graph, evidence, rules, round.number)
+    record = _record(scene, round, annotation, pooled, evidence)
+    groups = record.label(result.group, rules.gamma)
+    points = point_values(result.group, regions.labels, -1)
+    return Grouped(result, groups, points, sensor_ranges(scene.geometry.cloud), record)
+
+
+def _record(
+    scene: SceneInputs,
+    round: RoundContext[CommonRules],
+    annotation: PointAnnotation,
+    pooled: Pooled,
+    evidence: RegionEvidence,
+) -> RefreshRecord:
+    regions, count = scene.geometry.regions, len(scene.geometry.regions)
     # What a box tells exactly shall not speak for the rest of its region.
-    bounded = (truth.semantic >= 0) & (truth.seeds < 0)
-    outside = pool_rows(rows, seen & ~bounded, regions.labels, count, strategy.pooling) if bounded.any() else pooled
-    ranges = sensor_ranges(cloud)
-    votes = count_votes(truth.seeds, regions.labels, count, len(class_counts))
-    record = RefreshRecord(
-        curvatures=graph.curvatures,
-        ranges=regions.pool_mean(ranges[:, None])[:, 0],
-        labels=known.labels,
-        instances=known.instances,
-        probabilities=pooled.values,
-        centers=pooled_centers,
+    bounded = annotation.known & (annotation.seeds < 0)
+    outside = pool_predictions(scene, round, ~bounded) if bounded.any() else pooled
+    return RefreshRecord(
+        curvatures=scene.geometry.graph.curvatures,
+        ranges=regions.pool_mean(sensor_ranges(scene.geometry.cloud)[:, None])[:, 0],
+        labels=evidence.labels,
+        instances=evidence.instances,
+        probabilities=evidence.probabilities,
+        centers=evidence.centers,
         outside=outside.values if bounded.any() else None,
         seen=outside.seen,
-        votes=votes,
-        class_counts=class_counts,
-        class_gamma=class_gamma,
-        level=level_regions(graph, strategy.level_regions),
+        votes=count_votes(annotation.seeds, regions.labels, count, len(round.class_counts)),
+        class_counts=round.class_counts,
+        class_gamma=None,
+        named=None,
         point_region=regions.labels.astype(np.int32),
-        strategy=strategy,
-        round=round,
+        merge=round.rules.merge,
+        self_training=round.rules.self_training,
+        round=round.number,
     )
-    ledger = replace(result.ledger, known=record.to_arrays())
-    groups = record.label(result.group, strategy.gamma)
-    points = point_values(result.group, regions.labels, -1)
-    return Grouped(result._replace(ledger=ledger), groups, points, ranges, record)
 
 
 def sensor_ranges(cloud: PointCloud) -> Float[np.ndarray, ' points']:
@@ -117,53 +156,45 @@ def sensor_ranges(cloud: PointCloud) -> Float[np.ndarray, ' points']:
     return np.linalg.norm(cloud.xyz - origin, axis=1)
 
 
-def apply_quota(grouped: Grouped, strategy: MergeStrategy, round: int) -> Grouped:
-    """Leave only as many network-given groups as this round may take; all where the strategy has no quota."""
-    if strategy.quota is None:
+def limit_new_labels(grouped: Grouped, round: RoundContext[CommonRules]) -> Grouped:
+    """Leave only as many network-given groups as this round may take; all where nothing limits them."""
+    rules = round.rules.self_training
+    if rules is None or rules.cbst_fraction is None:
         return grouped
-    share = strategy.quota_share(round)
-    groups = within_quota(grouped.groups, grouped.points, share, grouped.ranges, strategy.quota_ranges)
+    share = rules.fraction(round.number, round.rules.merge.rounds)
+    groups = most_confident_groups(grouped.groups, grouped.points, share, grouped.ranges, rules.cbst_ranges)
     return grouped._replace(groups=groups)
 
 
-def draft_of(grouped: Grouped) -> Draft:
+def labels_of_groups(grouped: Grouped) -> LabelAssembly:
     """Every point takes the label of its group."""
-    return Draft(
+    return LabelAssembly(
         point_values(grouped.groups.classes, grouped.points, UNLABELLED),
         point_values(grouped.groups.confidence, grouped.points, 0.0).astype(np.float32),
     )
 
 
-def overlay(
-    draft: Draft, where: Bool[np.ndarray, ' points'], semantic: np.ndarray | int, confidence: np.ndarray | float
-) -> Draft:
-    """Other labels for some of the points."""
-    return Draft(
-        np.where(where, semantic, draft.semantic).astype(np.int64),
-        np.where(where, confidence, draft.confidence).astype(np.float32),
-    )
-
-
 def supported_points(
-    previous: PseudoLabels | None, grouped: Grouped, strategy: MergeStrategy
+    previous: PseudoLabels | None, grouped: Grouped, rules: MergeRules
 ) -> Bool[np.ndarray, ' points'] | None:
-    """Points whose earlier pseudo label stays: all, or where demotion is on those that the network still supports."""
+    """Points whose earlier pseudo label stays: all, or where labels may fall those that the network still supports."""
     if previous is None:
         return None
-    check_rows(len(grouped.points), previous=previous.semantic)
     labelled = (previous.semantic >= 0) & ~previous.point_is_annotated
-    if strategy.permanent:
+    if rules.demote_margin is None:
         return np.asarray(labelled)
     groups, classes = grouped.groups, np.maximum(previous.semantic, 0)
     table = np.vstack([groups.probabilities, np.full((1, groups.probabilities.shape[1]), np.nan)])
-    lost = table[grouped.points, classes] < strategy.gamma - strategy.demote_margin  # NaN: no evidence against it
-    by_truth = point_values(groups.from_annotation, grouped.points, False)
+    lost = table[grouped.points, classes] < rules.gamma - rules.demote_margin  # NaN: no evidence against it
+    annotated = point_values(groups.from_annotation, grouped.points, False)
     agrees = point_values(groups.classes, grouped.points, UNLABELLED) == previous.semantic
-    return np.asarray(labelled & (~lost | (by_truth & agrees)))
+    return np.asarray(labelled & (~lost | (annotated & agrees)))
 
 
-def keep_previous(draft: Draft, previous: PseudoLabels | None, supported: Bool[np.ndarray, ' points'] | None) -> Draft:
+def keep_previous(
+    labels: LabelAssembly, previous: PseudoLabels | None, supported: Bool[np.ndarray, ' points'] | None
+) -> LabelAssembly:
     """Earlier labels stay where they are supported (see :func:`supported_points`)."""
     if previous is None or supported is None:
-        return draft
-    return overlay(draft, supported, previous.semantic, previous.confidence)
+        return labels
+    return labels.overlay(supported, previous.semantic, previous.confidence)

@@ -1,4 +1,4 @@
-"""Where annotated points lie, and what their word is worth from there."""
+"""Distance prior: where annotated points lie, and how likely their class is from there."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -6,12 +6,12 @@ from scipy.spatial import cKDTree
 
 from rm3d_plugin.structures import Regions
 
-FADING = 1.5  # how fast the word of an annotated point fades
+DECAY = 1.5  # exponent of the distance decay
 SAMPLE = 32  # points of a region whose distance is measured
 
 
 def annotated_distances(
-    xyz: Float[np.ndarray, 'points 3'], regions: Regions, true_labels: Int[np.ndarray, ' points'], count: int
+    xyz: Float[np.ndarray, 'points 3'], regions: Regions, annotated: Int[np.ndarray, ' points'], count: int
 ) -> Float[np.ndarray, 'regions classes']:
     """Mean distance of the points of each region to the nearest annotated point of each class.
 
@@ -20,7 +20,7 @@ def annotated_distances(
     Args:
         xyz: Metres.
         regions: Partition of the same points.
-        true_labels: True class of each point, -1 = unknown.
+        annotated: Annotated class of each point, -1 = none.
         count: Number of classes.
 
     Returns:
@@ -31,28 +31,28 @@ def annotated_distances(
         return out
     steps = np.linspace(0, regions.sizes - 1, SAMPLE, axis=1).astype(np.int64)
     sample = xyz[regions.indices[regions.offsets[:-1, None] + steps]]
-    for c in np.unique(true_labels[true_labels >= 0]).tolist():
-        distance, _ = cKDTree(xyz[true_labels == c]).query(sample)
+    for c in np.unique(annotated[annotated >= 0]).tolist():
+        distance, _ = cKDTree(xyz[annotated == c]).query(sample)
         out[:, c] = distance.mean(axis=1)
     return out
 
 
 def distance_decay(distance: Float[np.ndarray, '*any'], scale: float) -> Float[np.ndarray, '*any']:
-    """What the word of an annotated point is worth so far away: (1 + distance / scale) ^ -:data:`FADING`.
+    """How likely the class of an annotated point is so far away: (1 + distance / scale) ^ -:data:`DECAY`.
 
     Args:
         distance: Metres; infinite: 0.
-        scale: Metres at which it has begun to fade.
+        scale: Metres at which it has begun to decay.
     """
-    return np.asarray((1.0 + distance / scale) ** -FADING)
+    return np.asarray((1.0 + distance / scale) ** -DECAY)
 
 
-def nearness(
+def distance_prior(
     distance: Float[np.ndarray, 'regions classes'], lengths: Float[np.ndarray, ' classes'], scale: float | None
 ) -> Float[np.ndarray, 'regions classes']:
-    """What the word of the nearest annotated points of each class is worth at a region.
+    """How likely each class is at a region by its nearest annotated points.
 
-    With a scale it fades slowly (:func:`distance_decay`), as small things of a class stand anywhere. Without, it is
+    With a scale it decays slowly (:func:`distance_decay`), as small things of a class stand anywhere. Without, it is
     exp(-distance / length) / sqrt(length) with the usual length of the class's regions: most points belong to a thing
     of which one was annotated, and what is long, as a floor, says less of each place.
 

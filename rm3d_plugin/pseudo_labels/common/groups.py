@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from rm3d_plugin.regions.strategy import Pooling
+from rm3d_plugin.regions.rules import Pooling
 from rm3d_plugin.structures import UNLABELLED
 
 
@@ -16,8 +16,9 @@ class GroupLabels(NamedTuple):
 
     Attributes:
         classes: (G,) int64; -1 = unlabelled.
-        confidence: (G,) in [0, 1]: share of the majority among the true labels, else the mean softmax; 0 if unlabelled.
-        from_annotation: (G,) bool, True where true labels decided (rule a).
+        confidence: (G,) in [0, 1]: share of the majority among the annotated labels, else the mean softmax; 0 if
+            unlabelled.
+        from_annotation: (G,) bool, True where annotated labels decided (rule a).
         probabilities: (G, C) size-weighted mean softmax; NaN where the network saw nothing of the group.
     """
 
@@ -121,38 +122,16 @@ def majority(
 def label_groups(
     group: Int[np.ndarray, ' regions'],
     pooled: Pooled,
-    region_labels: Int[np.ndarray, ' points'],
-    true_labels: Int[np.ndarray, ' points'],
-    class_counts: Int[np.ndarray, ' classes'],
-    gamma: float,
-) -> GroupLabels:
-    """Rule (a) majority of true labels, (b) confident mean prediction, (c) nothing (METHOD 1).
-
-    Args:
-        group: Group of each region.
-        pooled: Pooled softmax of each region.
-        region_labels: Region of each point.
-        true_labels: True class of each point, -1 where unknown.
-        class_counts: How often each class occurs among the annotated training labels; breaks ties.
-        gamma: Rule (b)'s limit.
-    """
-    votes = count_votes(true_labels, region_labels, len(group), len(class_counts))
-    return label_groups_by_votes(group, pooled, votes, class_counts, gamma)
-
-
-def label_groups_by_votes(
-    group: Int[np.ndarray, ' regions'],
-    pooled: Pooled,
     votes: Int[np.ndarray, 'regions classes'],
     class_counts: Int[np.ndarray, ' classes'],
     gamma: float,
 ) -> GroupLabels:
-    """:func:`label_groups` with the true labels counted by region already.
+    """Rule (a) majority of annotated labels, (b) confident mean prediction, (c) nothing (METHOD 1).
 
     Args:
         group: Group of each region.
         pooled: Pooled softmax of each region.
-        votes: True labels of each region by class.
+        votes: Annotated labels of each region by class.
         class_counts: Breaks ties.
         gamma: Rule (b)'s limit.
     """
@@ -185,60 +164,6 @@ def without_doubtful(groups: GroupLabels, class_gamma: Float[np.ndarray, ' class
     )
 
 
-def split_mixed(
-    groups: GroupLabels,
-    point_groups: Int[np.ndarray, ' points'],
-    region_labels: Int[np.ndarray, ' points'],
-    probabilities: Float[np.ndarray, 'points classes'],
-    gamma: float,
-    min_share: float,
-    min_points: int,
-) -> tuple[GroupLabels, Int[np.ndarray, ' points']]:
-    """Cut out of each region the points that the network is sure are of another class than the region's group.
-
-    A region across two objects pools to a mean of which nobody is sure, and both would stay unlabelled. So rule (b) is
-    asked again for the part of a region whose every point is confident and of one class.
-
-    Args:
-        groups: Labels of the groups.
-        point_groups: Group of each point, -1 = none.
-        region_labels: Region of each point, -1 = none.
-        probabilities: (N, C) softmax; NaN or zero rows where the network saw nothing.
-        gamma: Confidence that each of these points needs.
-        min_share: Smallest share of a region's points that is cut out; smaller: more and noisier parts.
-        min_points: Fewest points of a part.
-
-    Returns:
-        The groups with one more for each part, and the group of each point.
-    """
-    best = np.nan_to_num(probabilities).argmax(axis=1)
-    sure = np.nan_to_num(probabilities[np.arange(len(best)), best]) >= gamma
-    closed = point_values(groups.from_annotation, point_groups, True)  # true labels decided; or no region at all
-    other = point_values(groups.classes, point_groups, UNLABELLED) != best
-    inside = np.flatnonzero(sure & other & ~closed.astype(bool))
-    pairs, part, size = np.unique(
-        np.stack([region_labels[inside], best[inside]], axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    whole = np.bincount(region_labels[region_labels >= 0], minlength=int(pairs[:, 0].max(initial=-1)) + 1)
-    kept = (size >= min_points) & (size >= min_share * whole[pairs[:, 0]])
-    number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[part.reshape(-1)]
-    points, number = inside[number >= 0], number[number >= 0]
-    count = int(kept.sum())
-    own = np.zeros(len(best), dtype=np.int64)
-    own[points] = number
-    new_rows = pool_rows(probabilities, np.isin(np.arange(len(best)), points), own, count).values
-    classes = pairs[kept, 1]
-    extended = GroupLabels(
-        np.concatenate([groups.classes, classes]),
-        np.concatenate([groups.confidence, np.minimum(new_rows[np.arange(count), classes], 1.0)]),
-        np.concatenate([groups.from_annotation, np.zeros(count, dtype=bool)]),
-        np.concatenate([groups.probabilities, new_rows]),
-    )
-    out = point_groups.copy()
-    out[points] = len(groups.classes) + number
-    return extended, out
-
-
 def point_values(values: np.ndarray, labels: Int[np.ndarray, ' points'], missing: float) -> np.ndarray:
     """The value of each point's region (or group); ``missing`` for points of none."""
     return np.append(values, np.array([missing], dtype=values.dtype))[labels]
@@ -248,8 +173,8 @@ def nearest_instances(
     xyz: Float[np.ndarray, 'points 3'],
     point_groups: Int[np.ndarray, ' points'],
     point_classes: Int[np.ndarray, ' points'],
-    true_labels: Int[np.ndarray, ' points'],
-    true_instances: Int[np.ndarray, ' points'],
+    annotated: Int[np.ndarray, ' points'],
+    annotated_instances: Int[np.ndarray, ' points'],
 ) -> Int[np.ndarray, ' points']:
     """Instance of the nearest labelled seed of the same group and class; -1 where there is none.
 
@@ -257,20 +182,20 @@ def nearest_instances(
         xyz: Points, metres.
         point_groups: Group of each point, -1 = none.
         point_classes: Class given to each point.
-        true_labels: True class of each point, -1 where unknown.
-        true_instances: True instance of each point, -1 where unknown.
+        annotated: Annotated class of each point, -1 = none.
+        annotated_instances: Annotated instance of each point, -1 = none.
     """
     out = np.full(len(xyz), -1, dtype=np.int64)
-    seeds = np.flatnonzero((true_instances >= 0) & (true_labels >= 0) & (point_groups >= 0))
+    seeds = np.flatnonzero((annotated_instances >= 0) & (annotated >= 0) & (point_groups >= 0))
     for g in np.unique(point_groups[seeds]):
         members = np.flatnonzero(point_groups == g)
         own = seeds[point_groups[seeds] == g]
-        for c in np.unique(true_labels[own]):
-            sources = own[true_labels[own] == c]
+        for c in np.unique(annotated[own]):
+            sources = own[annotated[own] == c]
             targets = members[point_classes[members] == c]
             if len(targets):
                 _, nearest = cKDTree(xyz[sources]).query(xyz[targets])
-                out[targets] = true_instances[sources[nearest]]
+                out[targets] = annotated_instances[sources[nearest]]
     return out
 
 

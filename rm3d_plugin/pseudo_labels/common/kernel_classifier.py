@@ -51,7 +51,7 @@ def scaling_of(
     return Scaling(middle, np.where(told, 1.0 / np.where(told, deviation, 1.0), 0.0), shares / max(shares.sum(), 1e-12))
 
 
-class KernelClasses(NamedTuple):
+class KernelClassifier(NamedTuple):
     """What labelled rows say of others.
 
     Attributes:
@@ -82,9 +82,9 @@ class KernelClasses(NamedTuple):
         return out
 
 
-def fit_kernel_classes(
+def fit_kernel_classifier(
     rows: Float[np.ndarray, 'examples features'], classes: Int[np.ndarray, ' examples'], scaling: Scaling, length: float
-) -> KernelClasses:
+) -> KernelClassifier:
     """Learn from labelled rows.
 
     The kernel is exp(-|difference|^2 / (2 length^2)); labels of rare classes are taken to be surer (their noise goes
@@ -101,7 +101,7 @@ def fit_kernel_classes(
         ValueError: There is no labelled row.
     """
     if not len(rows):
-        raise ValueError('fit_kernel_classes: expected at least one labelled row')
+        raise ValueError('fit_kernel_classifier: expected at least one labelled row')
     said, own = np.unique(classes, return_inverse=True)
     counts, scaled = np.bincount(own), scaling.apply(rows)
     wanted = np.eye(len(said))[own] - 1.0 / len(said)
@@ -110,7 +110,7 @@ def fit_kernel_classes(
     weights = inverse @ wanted
     left_out = wanted - weights / np.diag(inverse)[:, None]
     sharpness = max(SHARPNESS, key=lambda sharp: _balanced_likelihood(sharp * left_out, own, counts))
-    return KernelClasses(scaling, length, scaled, weights.astype(np.float32), said, sharpness)
+    return KernelClassifier(scaling, length, scaled, weights.astype(np.float32), said, sharpness)
 
 
 def evenly_chosen(classes: Int[np.ndarray, ' rows'], most: int) -> Int[np.ndarray, ' chosen']:

@@ -15,7 +15,7 @@ _WORDS = {
     Reason.OTHER_CLASS: 'kept apart: they are of different classes',
     Reason.NOT_SIMILAR: 'kept apart: not similar enough',
     Reason.CENTRES_APART: 'kept apart: their shifted centres are too far from each other',
-    Reason.OTHER_INSTANCE: 'kept apart: they belong to two different true instances',
+    Reason.OTHER_INSTANCE: 'kept apart: they belong to two different annotated instances',
     Reason.NOT_REACHED: 'fit to merge, but no seed led there',
     Reason.SAME_GROUP: 'in one group by way of other pairs',
 }
@@ -47,15 +47,9 @@ def summarise(ledger: MergeLedger) -> LedgerSummary:
     return LedgerSummary(len(ledger), {r.name: int(counts[r]) for r in Reason}, terms)
 
 
-def explain(ledger: MergeLedger, region: int) -> list[str]:
-    """One sentence for each pair that a region took part in, in the ledger's order."""
-    rows = np.flatnonzero((ledger.region_a == region) | (ledger.region_b == region))
-    return [sentence(ledger, int(row)) for row in rows]
-
-
 def compared_value(ledger: MergeLedger) -> Float[np.ndarray, ' edges']:
-    """What was compared with the threshold: S where the strategy on record is 'literal', else Sbar."""
-    literal = bool(ledger.known) and RefreshRecord.from_arrays(ledger.known).strategy.thresholds == 'literal'
+    """What was compared with the threshold: S where the rules on record say 'literal', else Sbar."""
+    literal = bool(ledger.known) and RefreshRecord.from_arrays(ledger.known).merge.thresholds == 'literal'
     return ledger.S if literal else ledger.Sbar
 
 

@@ -7,8 +7,12 @@ from dataclasses import asdict, dataclass, fields
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.pseudo_labels.common.groups import GroupLabels, Pooled, label_groups_by_votes
-from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.pseudo_labels.common.groups import GroupLabels, Pooled, label_groups
+from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
+from rm3d_plugin.regions import MergeRules, RegionEvidence
+
+_OPTIONAL = ('centers', 'outside', 'class_gamma', 'named')
+_RULES = ('merge', 'self_training')
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,18 +22,19 @@ class RefreshRecord:
     Attributes:
         curvatures: (R,) the order of seeds.
         ranges: (R,) mean distance of the points to the sensor, metres.
-        labels: (R,) true class, -1 = unknown.
-        instances: (R,) true instance, -1 = unknown.
+        labels: (R,) annotated class, -1 = unknown.
+        instances: (R,) annotated instance, -1 = unknown.
         probabilities: (R, C) pooled softmax, NaN where nothing was predicted.
         centers: (R, 3) pooled shifted centres, or None.
         outside: (R, C) pooled softmax without the points that a box tells exactly; None: the same as probabilities.
         seen: (R,) points pooled in ``outside``.
-        votes: (R, C) true labels that spread, by class.
+        votes: (R, C) annotated labels that propagate, by class.
         class_counts: (C,) annotated labels of each class; breaks ties.
         class_gamma: (C,) confidence that each class asks for beside gamma, or None.
-        level: (R,) bool, regions whose points the nearest annotated ones named one by one; None: none.
+        named: (R,) bool, regions whose points were named one by one; None: none.
         point_region: (N,) int32 region of each point, -1 = none.
-        strategy: Fields of the strategy.
+        merge: Rules of merging.
+        self_training: How new labels were limited, or None.
         round: The round.
     """
 
@@ -44,21 +49,27 @@ class RefreshRecord:
     votes: Int[np.ndarray, 'regions classes']
     class_counts: Int[np.ndarray, ' classes']
     class_gamma: Float[np.ndarray, ' classes'] | None
-    level: Bool[np.ndarray, ' regions'] | None
+    named: Bool[np.ndarray, ' regions'] | None
     point_region: Int[np.ndarray, ' points']
-    strategy: MergeStrategy
+    merge: MergeRules
+    self_training: SelfTrainingRules | None
     round: int
+
+    def evidence(self) -> RegionEvidence:
+        """What merging was given."""
+        return RegionEvidence(self.probabilities, self.labels, self.instances, self.centers)
 
     def label(self, group: Int[np.ndarray, ' regions'], gamma: float) -> GroupLabels:
         """Class of each group of regions by rules (a), (b) and (c), see :func:`label_groups` (METHOD 1)."""
         rows = self.probabilities if self.outside is None else self.outside
-        return label_groups_by_votes(group, Pooled(rows, self.seen), self.votes, self.class_counts, gamma)
+        return label_groups(group, Pooled(rows, self.seen), self.votes, self.class_counts, gamma)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Arrays by name, for an npz file; what is None is left out."""
         out = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        text = json.dumps(asdict(self.strategy))
-        return out | {'round': np.array(self.round), 'strategy': np.frombuffer(text.encode(), dtype=np.uint8)}
+        given = {name: getattr(self, name) for name in _RULES}
+        text = json.dumps({name: None if rules is None else asdict(rules) for name, rules in given.items()})
+        return out | {'round': np.array(self.round), 'rules': np.frombuffer(text.encode(), dtype=np.uint8)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> 'RefreshRecord':
@@ -67,10 +78,16 @@ class RefreshRecord:
         Raises:
             ValueError: An array is missing.
         """
-        optional = ('centers', 'outside', 'class_gamma', 'level')
-        names = [item.name for item in fields(cls)]
-        if missing := [name for name in names if name not in arrays and name not in optional]:
+        names = [item.name for item in fields(cls) if item.name not in _RULES]
+        needed = [name for name in (*names, 'rules') if name not in _OPTIONAL]
+        if missing := [name for name in needed if name not in arrays]:
             raise ValueError(f'RefreshRecord: {missing} are missing; the ledger was written without a record to replay')
-        strategy = MergeStrategy(**json.loads(arrays['strategy'].tobytes()))
-        plain = {name: arrays.get(name) for name in names if name not in ('strategy', 'round')}
-        return cls(**plain, strategy=strategy, round=int(arrays['round']))  # type: ignore[arg-type]
+        rules = json.loads(arrays['rules'].tobytes())
+        limits = rules['self_training']
+        plain = {name: arrays.get(name) for name in names if name != 'round'}
+        return cls(
+            **plain,  # type: ignore[arg-type]
+            merge=MergeRules(**rules['merge']),
+            self_training=None if limits is None else SelfTrainingRules(**limits),
+            round=int(arrays['round']),
+        )

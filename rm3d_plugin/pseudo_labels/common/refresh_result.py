@@ -15,7 +15,8 @@ class RefreshResult:
         labels: What training may read.
         merge: Groups and the ledger.
         stats: Named numbers of this refresh: coverage in [0, 1], counts otherwise.
-        candidates: In detection every plausible object with its score, see :class:`~.objects.Objects`.
+        candidates: In detection every plausible object with its score, see
+            :class:`~rm3d_plugin.pseudo_labels.detection.objects.Objects`.
     """
 
     labels: PseudoLabels

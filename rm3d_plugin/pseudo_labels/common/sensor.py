@@ -13,7 +13,7 @@ RANGES = np.concatenate([[0.0], np.arange(3.0, 31.0), [33, 36, 40, 45, 50, 60, 8
 _LEAST_IN_RANGE = 50  # points
 
 
-class UsualStrength(NamedTuple):
+class IntensityByRange(NamedTuple):
     """Mean return strength at each range; what falls off with it says nothing of a thing.
 
     Attributes:
@@ -25,7 +25,7 @@ class UsualStrength(NamedTuple):
     strengths: Float[np.ndarray, ' bins']
 
 
-def strength_of(cloud: PointCloud) -> Float[np.ndarray, ' points'] | None:
+def intensity_of(cloud: PointCloud) -> Float[np.ndarray, ' points'] | None:
     """Intensity, else the mean of the colours; None: neither is there."""
     if cloud.intensity is not None:
         return cloud.intensity.astype(np.float64)
@@ -38,7 +38,7 @@ def seen_from_sensor(cloud: PointCloud) -> Float[np.ndarray, 'points 3']:
     return xyz if cloud.sensor is None else xyz - np.asarray(cloud.sensor)
 
 
-def range_normalised_intensity(scenes: Iterable[tuple[PointCloud, Bool[np.ndarray, ' points']]]) -> UsualStrength:
+def range_normalised_intensity(scenes: Iterable[tuple[PointCloud, Bool[np.ndarray, ' points']]]) -> IntensityByRange:
     """Mean strength by range over all scenes.
 
     Args:
@@ -46,13 +46,13 @@ def range_normalised_intensity(scenes: Iterable[tuple[PointCloud, Bool[np.ndarra
     """
     sums = np.zeros((3, len(RANGES) - 1))
     for cloud, level in scenes:
-        strength = strength_of(cloud)
+        strength = intensity_of(cloud)
         if strength is not None:
-            sums += strength_sums(np.linalg.norm(seen_from_sensor(cloud)[level], axis=1), strength[level])
-    return usual_of(sums)
+            sums += intensity_sums(np.linalg.norm(seen_from_sensor(cloud)[level], axis=1), strength[level])
+    return intensity_by_range(sums)
 
 
-def strength_sums(
+def intensity_sums(
     ranges: Float[np.ndarray, ' rows'],
     strengths: Float[np.ndarray, ' rows'],
     sizes: Int[np.ndarray, ' rows'] | None = None,
@@ -64,14 +64,14 @@ def strength_sums(
     )
 
 
-def usual_of(sums: Float[np.ndarray, '3 bins']) -> UsualStrength:
-    """The means of :func:`strength_sums`, where they are of some points."""
+def intensity_by_range(sums: Float[np.ndarray, '3 bins']) -> IntensityByRange:
+    """The means of :func:`intensity_sums`, where they are of some points."""
     counts, strengths, ranges = sums[:, sums[0] >= _LEAST_IN_RANGE]
-    return UsualStrength(ranges / counts, strengths / counts)
+    return IntensityByRange(ranges / counts, strengths / counts)
 
 
 def brightness(
-    strengths: Float[np.ndarray, ' rows'], ranges: Float[np.ndarray, ' rows'], usual: UsualStrength
+    strengths: Float[np.ndarray, ' rows'], ranges: Float[np.ndarray, ' rows'], usual: IntensityByRange
 ) -> Float[np.ndarray, ' rows']:
     """Strength over what is usual at that range."""
     return strengths / np.maximum(np.interp(ranges, usual.ranges, usual.strengths), 1e-6)

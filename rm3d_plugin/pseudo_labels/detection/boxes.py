@@ -29,7 +29,7 @@ class BoxFit(NamedTuple):
     cost: float
 
 
-def size_priors(
+def median_sizes(
     boxes: Float[np.ndarray, 'boxes 7'], labels: Int[np.ndarray, ' boxes'], num_classes: int
 ) -> Float[np.ndarray, 'classes 3']:
     """Median (dx, dy, dz) of the labelled boxes of each class, metres; NaN for a class without any."""
@@ -62,13 +62,6 @@ def tight_box(
         size, yaw = size[::-1], (yaw + np.pi) % np.pi - np.pi / 2
     middle, height = (low[2] + high[2]) / 2, high[2] - low[2]
     return np.array([*footprint.center, middle, *np.maximum([*size, height], MIN_SIZE), yaw])
-
-
-def fit_yaw(
-    xy: Float[np.ndarray, 'points 2'], size: tuple[float, float], sensor: tuple[float, float] = (0.0, 0.0)
-) -> float:
-    """Direction of the length of a box of this size, radians in [-pi/2, pi/2); see :func:`fit_footprint`."""
-    return fit_footprint(xy, size, sensor).yaw
 
 
 def complete_box(
@@ -153,27 +146,28 @@ def geometric_background(
 
 
 def suppress(
-    boxes: Boxes3D, priority: Float[np.ndarray, ' boxes'], true: Boxes3D, max_iou: float = 0.1
+    boxes: Boxes3D, priority: Float[np.ndarray, ' boxes'], annotated: Boxes3D, max_iou: float = 0.1
 ) -> Int[np.ndarray, ' boxes']:
-    """Which box each box gives way to: a true box that it overlaps, else a better kept one.
+    """Which box each box gives way to: an annotated box that it overlaps, else a better kept one.
 
     Args:
         boxes: Pseudo boxes.
         priority: Larger is better; equal: the lower index wins.
-        true: True boxes, which always win.
+        annotated: Annotated boxes, which always win.
         max_iou: Overlap from above that two objects may have.
 
     Returns:
-        (M,) int64: its own index if the box is kept, -1 if a true box takes its place, else the index of the winner.
+        (M,) int64: its own index if the box is kept, -1 if an annotated box takes its place, else the index of the
+        winner.
     """
     winner = np.arange(len(boxes), dtype=np.int64)
     if len(boxes) == 0:
         return winner
-    if len(true):
-        tall = np.array(true.tensor)
+    if len(annotated):
+        tall = np.array(annotated.tensor)
         tall[:, 5] = 1e3  # m; a centre above or below counts as inside
         inside = points_in_boxes(boxes.tensor[:, :3], tall) >= 0
-        winner[inside | (rotated_iou_bev(boxes.tensor, true.tensor).max(axis=1) > max_iou)] = -1
+        winner[inside | (rotated_iou_bev(boxes.tensor, annotated.tensor).max(axis=1) > max_iou)] = -1
     overlap = rotated_iou_bev(boxes.tensor, boxes.tensor) > max_iou
     order = np.argsort(-priority, kind='stable')
     for rank, i in enumerate(order):

@@ -1,6 +1,5 @@
 """From groups of an object class to the pseudo boxes of a scene (METHOD 7)."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -8,61 +7,12 @@ from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.rotated_iou import rotated_iou_bev
 from rm3d_plugin.pseudo_labels.common.groups import GroupLabels
-from rm3d_plugin.pseudo_labels.detection.boxes import BoxFit, complete_box, is_plausible, suppress
+from rm3d_plugin.pseudo_labels.detection.boxes import BoxFit, complete_box, is_plausible, suppress, tight_box
+from rm3d_plugin.pseudo_labels.detection.rules import ObjectRules
 from rm3d_plugin.structures import Boxes3D
 
 VOTE_RADIUS = 0.75  # of the class's smaller horizontal size: votes nearer than this are for one object
 MAX_VOTES = 3000
-
-
-@dataclass(frozen=True)
-class ObjectRules:
-    """When a group of points is an object, and when a region cannot be one.
-
-    Attributes:
-        min_points: Fewest points of a pseudo box; larger: fewer, better boxes.
-        max_excess: A group larger than this times its class's usual size is not one object.
-        max_iou: Overlap from above that two boxes may have.
-        background_ratio: A region larger or higher than this times every class's usual size is background.
-        part_share: Where this share of a region is confidently of another class than the rest, it is cut out; above 1:
-            regions stay whole.
-        class_gamma: Confidence from which the network's word gives a group a class, for each class, background last;
-            above 1: never; None: gamma for all. Classes differ in how soon a network is sure of them. And objects that
-            nobody labelled are taught as background at first, so a network that is sure of background may be sure of
-            its own prejudice; geometry's background is not concerned.
-        support_iou: Overlap, seen from above, from which a box that the network predicts speaks for a group of its
-            class: the group's score becomes the geometric mean of its own and the best such box's, 0 where there is
-            none. None: the group's own.
-        seen_height: Share of the usual height that the points of an object must reach, for each class; objects show
-            their top unless something hangs over them. None: any.
-        seen_length: Share of the usual length that they must span, for each class. None: any.
-        quota: Share of all candidates of a class, best scores first, that become pseudo boxes: in the first round with
-            predictions, in the second, ...; the last number holds from there on. Smaller: fewer and purer. None: all.
-    """
-
-    min_points: int = 8
-    max_excess: float = 1.35
-    max_iou: float = 0.1
-    background_ratio: float = 1.5
-    part_share: float = 0.25
-    class_gamma: tuple[float, ...] | None = None
-    support_iou: float | None = None
-    seen_height: tuple[float, ...] | None = None
-    seen_length: tuple[float, ...] | None = None
-    quota: tuple[float, ...] | None = None
-
-    def __post_init__(self) -> None:
-        if self.quota is not None and not all(0 < share <= 1 for share in self.quota):
-            raise ValueError(f'ObjectRules.quota: expected shares above 0 and up to 1, got {self.quota!r}')
-        for name, low in (
-            ('min_points', 1),
-            ('max_excess', 1),
-            ('max_iou', 0),
-            ('background_ratio', 1),
-            ('part_share', 0),
-        ):
-            if not getattr(self, name) >= low:
-                raise ValueError(f'ObjectRules.{name}: expected at least {low}, got {getattr(self, name)!r}')
 
 
 class EarlierObjects(NamedTuple):
@@ -133,28 +83,43 @@ class _Candidate(NamedTuple):
     fit: BoxFit
 
 
-class _Context(NamedTuple):
-    """What every fit needs."""
+class ObjectContext(NamedTuple):
+    """What every fit of a box needs.
 
-    xyz: np.ndarray
-    priors: np.ndarray
-    ground_z: np.ndarray | None
+    Attributes:
+        xyz: (N, 3) points, metres.
+        mean_sizes: (C, 3) usual sizes, metres; NaN: the class gets no box. Classes beyond are background.
+        ground_z: (N,) height of the ground under each point, metres, or None.
+        sensor: Position of the sensor from above, metres.
+        votes: What the network says of single points.
+        rules: Thresholds.
+    """
+
+    xyz: Float[np.ndarray, 'points 3']
+    mean_sizes: Float[np.ndarray, 'classes 3']
+    ground_z: Float[np.ndarray, ' points'] | None
     sensor: tuple[float, float]
     votes: PointVotes
     rules: ObjectRules
 
 
+class PointGroups(NamedTuple):
+    """Groups that may be objects.
+
+    Attributes:
+        points: (N,) group of each point that may belong to a pseudo box, -1 for the others.
+        labels: Class and confidence of each group.
+    """
+
+    points: Int[np.ndarray, ' points']
+    labels: GroupLabels
+
+
 def find_objects(
-    xyz: Float[np.ndarray, 'points 3'],
-    point_groups: Int[np.ndarray, ' points'],
-    groups: GroupLabels,
-    true_boxes: Boxes3D,
-    priors: Float[np.ndarray, 'classes 3'],
-    ground_z: Float[np.ndarray, ' points'] | None,
-    sensor: tuple[float, float],
-    earlier: EarlierObjects | None,
-    votes: PointVotes,
-    rules: ObjectRules,
+    context: ObjectContext,
+    groups: PointGroups,
+    annotated_boxes: Boxes3D,
+    earlier: EarlierObjects | None = None,
     evidence: Evidence = NO_EVIDENCE,
 ) -> Objects:
     """A box for every group of an object class that is plausible and has its place to itself.
@@ -164,54 +129,62 @@ def find_objects(
     only fill gaps.
 
     Args:
-        xyz: Points, metres.
-        point_groups: Group of each point that may belong to a pseudo box, -1 for the others.
-        groups: Class and confidence of each group.
-        true_boxes: Annotated boxes, which always win.
-        priors: Usual sizes, metres; NaN: the class gets no box. Classes beyond are background.
-        ground_z: Height of the ground under each point, metres, or None.
-        sensor: Position of the sensor from above, metres.
+        context: Points, sizes and thresholds.
+        groups: Which points belong together, and what they are.
+        annotated_boxes: These always win.
         earlier: Boxes of the last round.
-        votes: What the network says of single points.
-        rules: Thresholds.
         evidence: What else speaks for an object.
     """
-    context = _Context(xyz, priors, ground_z, sensor, votes, rules)
-    usable = np.append(np.isfinite(priors).all(axis=1), [False])
-    wanted = usable[np.where((groups.classes >= 0) & (groups.classes < len(priors)), groups.classes, len(priors))]
-    order = np.argsort(point_groups, kind='stable')
-    starts = np.searchsorted(point_groups[order], np.arange(len(groups.classes) + 1))
-    found: list[_Candidate] = []
-    rejected = np.zeros(len(xyz), dtype=bool)
-    too_large = 0
-    for group in np.flatnonzero(wanted).tolist():
-        members = order[starts[group] : starts[group + 1]]
-        if len(members):
-            own = _candidates(context, group, members, int(groups.classes[group]), float(groups.confidence[group]))
-            found += own
-            if not own:
-                rejected[members] = True
-                too_large += 1
+    rules, wanted = context.rules, _wanted(groups.labels, context.mean_sizes)
+    found, rejected, too_large = _candidates_of(context, groups, wanted)
     joined = _join_fragments(context, found)
     large_enough = [c for c in joined if len(c.members) >= rules.min_points]
     whole = [c for c in large_enough if _shows_enough(context, c)]
-    judged = _judged(whole, evidence.boxes, rules.support_iou)
-    trusted = judged if evidence.limits is None else [c for c in judged if c.score >= evidence.limits[c.label]]
+    scored = _scored(whole, evidence.boxes, rules.support_iou)
+    trusted = scored if evidence.limits is None else [c for c in scored if c.score >= evidence.limits[c.label]]
     if evidence.limits is not None:  # what is no pseudo box has no label either
-        rejected |= (point_groups >= 0) & np.append(wanted, False)[point_groups]
+        rejected |= (groups.points >= 0) & np.append(wanted, False)[groups.points]
     _set_members(rejected, large_enough, True)
     _set_members(rejected, trusted, False)
-    boxes, point_box, lost = _compete(len(xyz), trusted, true_boxes, earlier, rules)
+    boxes, point_box, lost = _compete(len(context.xyz), trusted, annotated_boxes, earlier, rules)
     counts = {
         'pseudo_boxes': float(len(boxes)),
         'rejected_groups': float(too_large),
         'joined_fragments': float(len(found) - len(joined)),
         'small_groups': float(len(joined) - len(large_enough)),
         'partial_groups': float(len(large_enough) - len(whole)),
-        'doubtful_groups': float(len(judged) - len(trusted)),
+        'doubtful_groups': float(len(scored) - len(trusted)),
         'suppressed_boxes': float(lost),
     }
-    return Objects(boxes, point_box, rejected, counts, _as_boxes(judged))
+    return Objects(boxes, point_box, rejected, counts, _as_boxes(scored))
+
+
+def _wanted(groups: GroupLabels, mean_sizes: Float[np.ndarray, 'classes 3']) -> Bool[np.ndarray, ' groups']:
+    """Groups of an object class whose size is known."""
+    usable = np.append(np.isfinite(mean_sizes).all(axis=1), [False])
+    background = len(mean_sizes)
+    return usable[np.where((groups.classes >= 0) & (groups.classes < background), groups.classes, background)]
+
+
+def _candidates_of(
+    context: ObjectContext, groups: PointGroups, wanted: Bool[np.ndarray, ' groups']
+) -> tuple[list[_Candidate], Bool[np.ndarray, ' points'], int]:
+    """Candidates of the wanted groups; points of groups that are too large for any, and how many groups those are."""
+    labels = groups.labels
+    order = np.argsort(groups.points, kind='stable')
+    starts = np.searchsorted(groups.points[order], np.arange(len(labels.classes) + 1))
+    found: list[_Candidate] = []
+    rejected = np.zeros(len(context.xyz), dtype=bool)
+    too_large = 0
+    for group in np.flatnonzero(wanted).tolist():
+        members = order[starts[group] : starts[group + 1]]
+        if len(members):
+            own = _candidates(context, group, members, int(labels.classes[group]), float(labels.confidence[group]))
+            found += own
+            if not own:
+                rejected[members] = True
+                too_large += 1
+    return found, rejected, too_large
 
 
 def _set_members(mask: Bool[np.ndarray, ' points'], candidates: list[_Candidate], value: bool) -> None:
@@ -229,16 +202,16 @@ def _as_boxes(candidates: list[_Candidate]) -> Boxes3D:
     )
 
 
-def _shows_enough(context: _Context, candidate: _Candidate) -> bool:
+def _shows_enough(context: ObjectContext, candidate: _Candidate) -> bool:
     """Whether the points reach as high and as far as the visible part of such an object does."""
-    rules, prior, label = context.rules, context.priors[candidate.label], candidate.label
+    rules, prior, label = context.rules, context.mean_sizes[candidate.label], candidate.label
     z = context.xyz[candidate.members, 2]
     bottom = z.min() if context.ground_z is None else np.median(context.ground_z[candidate.members])
     high = rules.seen_height is None or z.max() - bottom >= rules.seen_height[label] * prior[2]
     return bool(high and (rules.seen_length is None or candidate.fit.span[0] >= rules.seen_length[label] * prior[0]))
 
 
-def _judged(candidates: list[_Candidate], boxes: Boxes3D | None, support_iou: float | None) -> list[_Candidate]:
+def _scored(candidates: list[_Candidate], boxes: Boxes3D | None, support_iou: float | None) -> list[_Candidate]:
     """The candidates with the score that points and predicted boxes give them together."""
     if boxes is None or support_iou is None or not candidates:
         return candidates
@@ -250,31 +223,31 @@ def _judged(candidates: list[_Candidate], boxes: Boxes3D | None, support_iou: fl
 
 
 def score_limits(
-    candidates: Boxes3D, num_classes: int, quota: tuple[float, ...], number: int
+    candidates: Boxes3D, num_classes: int, top_fraction: tuple[float, ...], number: int
 ) -> Float[np.ndarray, ' classes']:
     """The score from which a candidate is among the best of its class, over all scenes.
 
     Args:
         candidates: Of all scenes, with scores.
         num_classes: C.
-        quota: See :class:`ObjectRules`.
+        top_fraction: See :class:`ObjectRules`.
         number: Round, 1 = the first with predictions.
 
     Returns:
         (C,); 0 for a class without candidates.
     """
     assert candidates.scores is not None
-    share = quota[min(max(number, 1), len(quota)) - 1]
+    share = top_fraction[min(max(number, 1), len(top_fraction)) - 1]
     of_class = [candidates.scores[candidates.labels == c] for c in range(num_classes)]
     return np.array([np.quantile(s, 1.0 - share, method='higher') if len(s) else 0.0 for s in of_class])
 
 
-def _candidates(context: _Context, group: int, members: np.ndarray, label: int, score: float) -> list[_Candidate]:
+def _candidates(context: ObjectContext, group: int, members: np.ndarray, label: int, score: float) -> list[_Candidate]:
     """The group as one object; where it is too large for one, as several by the centres its points vote for."""
     classes = context.votes.classes[members]
     sure = members[(classes == label) | (classes < 0)]
     sure = sure if len(sure) else members
-    prior, limit = context.priors[label], context.rules.max_excess
+    prior, limit = context.mean_sizes[label], context.rules.max_excess
     whole = _Candidate((group,), sure, label, score, _fit(context, sure, label))
     if is_plausible(whole.fit, prior, limit):
         return [whole]
@@ -317,12 +290,16 @@ def split_by_votes(centers: Float[np.ndarray, 'points 3'], radius: float) -> Int
     return part
 
 
-def _fit(context: _Context, members: np.ndarray, label: int) -> BoxFit:
+def _fit(context: ObjectContext, members: np.ndarray, label: int) -> BoxFit:
+    points = context.xyz[members]
+    if context.rules.box != 'completed':
+        box = tight_box(points, context.rules.box == 'tight', context.sensor)
+        return BoxFit(box, box[3:6], 0.0)
     ground = None if context.ground_z is None else float(np.median(context.ground_z[members]))
-    return complete_box(context.xyz[members], context.priors[label], ground, context.sensor)
+    return complete_box(points, context.mean_sizes[label], ground, context.sensor)
 
 
-def _join_fragments(context: _Context, found: list[_Candidate]) -> list[_Candidate]:
+def _join_fragments(context: ObjectContext, found: list[_Candidate]) -> list[_Candidate]:
     """Join overlapping candidates of one class while together they are plausible, the one with most points first."""
     waiting = sorted(found, key=lambda c: (-len(c.members), c.groups))
     joined = []
@@ -339,7 +316,7 @@ def _join_fragments(context: _Context, found: list[_Candidate]) -> list[_Candida
     return joined
 
 
-def _union(context: _Context, a: _Candidate, b: _Candidate) -> _Candidate | None:
+def _union(context: ObjectContext, a: _Candidate, b: _Candidate) -> _Candidate | None:
     """Both as one object, or None where they are two."""
     if a.label != b.label or np.hypot(*(a.fit.box[:2] - b.fit.box[:2])) > np.hypot(*a.fit.box[3:5]):
         return None
@@ -347,7 +324,7 @@ def _union(context: _Context, a: _Candidate, b: _Candidate) -> _Candidate | None
         return None
     members = np.sort(np.concatenate([a.members, b.members]))
     fit = _fit(context, members, a.label)
-    if not is_plausible(fit, context.priors[a.label], context.rules.max_excess):
+    if not is_plausible(fit, context.mean_sizes[a.label], context.rules.max_excess):
         return None
     score = (a.score * len(a.members) + b.score * len(b.members)) / len(members)
     return _Candidate(a.groups + b.groups, members, a.label, score, fit)
@@ -356,7 +333,7 @@ def _union(context: _Context, a: _Candidate, b: _Candidate) -> _Candidate | None
 def _compete(
     points: int,
     found: list[_Candidate],
-    true_boxes: Boxes3D,
+    annotated_boxes: Boxes3D,
     earlier: EarlierObjects | None,
     rules: ObjectRules,
 ) -> tuple[Boxes3D, Int[np.ndarray, ' points'], int]:
@@ -369,7 +346,7 @@ def _compete(
         np.concatenate([np.array([f.score for f in found], dtype=np.float64), old.boxes.scores]),
     )
     priority = np.concatenate([np.array([len(f.members) for f in found], dtype=np.float64), old.boxes.scores - 1])
-    winner = suppress(candidates, priority, true_boxes, rules.max_iou)
+    winner = suppress(candidates, priority, annotated_boxes, rules.max_iou)
     kept = winner == np.arange(len(candidates))
     row = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)
     same_class = np.append(candidates.labels, -1)[winner] == candidates.labels

@@ -1,134 +1,117 @@
 """One scene in, point and box labels out: merge its regions, and find the objects among the groups (METHOD 1)."""
 
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
-from rm3d_plugin.pseudo_labels.common.annotated import AnnotatedLabels, Truth, known_by_boxes
+from rm3d_plugin.pseudo_labels.common.annotated import AnnotatedLabels, PointAnnotation, points_of_boxes
 from rm3d_plugin.pseudo_labels.common.assembly import (
-    Draft,
     Grouped,
-    apply_quota,
-    check_rows,
-    draft_of,
+    LabelAssembly,
     group_regions,
     keep_previous,
-    overlay,
+    labels_of_groups,
+    limit_new_labels,
+    pool_predictions,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.common.groups import point_values, seen_rows, split_mixed, without_doubtful
+from rm3d_plugin.pseudo_labels.common.groups import point_values, seen_rows, without_doubtful
+from rm3d_plugin.pseudo_labels.common.inputs import RoundContext, SceneInputs
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.detection.boxes import geometric_background, region_tops, robust_extents
 from rm3d_plugin.pseudo_labels.detection.objects import (
-    NO_EVIDENCE,
     EarlierObjects,
     Evidence,
-    ObjectRules,
+    ObjectContext,
     Objects,
+    PointGroups,
     PointVotes,
     find_objects,
 )
-from rm3d_plugin.regions import MergeStrategy
-from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, RegionGraph, Regions
+from rm3d_plugin.pseudo_labels.detection.parts import PartLimits, split_mixed
+from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
 
 BACKGROUND_CONFIDENCE = 0.9  # of what geometry alone calls background
 GROUND_HEIGHT = 0.15  # m; points of no region that are lower than this above ground are ground
 
 
+@dataclass(frozen=True, eq=False)
+class ObjectKnowledge:
+    """What is known of objects beside a scene's points.
+
+    Attributes:
+        mean_sizes: (C, 3) usual sizes, metres; NaN for a class without an annotated box, which then gets no pseudo box.
+        height: (N,) metres above the ground of each point, or None.
+        limits: (C,) score that a pseudo box of each class needs; None: any.
+    """
+
+    mean_sizes: Float[np.ndarray, 'classes 3']
+    height: Float[np.ndarray, ' points'] | None = None
+    limits: Float[np.ndarray, ' classes'] | None = None
+
+
 def refresh_detection(
-    prepared_cloud: PointCloud,
-    regions: Regions,
-    graph: RegionGraph,
-    annotated: AnnotatedLabels,
-    probabilities: Float[np.ndarray, 'points classes'] | None,
-    centers: Float[np.ndarray, 'points 3'] | None,
-    previous: PseudoLabels | None,
-    strategy: MergeStrategy,
-    round: int,
-    priors: Float[np.ndarray, 'classes 3'],
-    class_counts: Int[np.ndarray, ' classes'],
-    height_above_ground: Float[np.ndarray, ' points'] | None = None,
-    rules: ObjectRules | None = None,
-    evidence: Evidence = NO_EVIDENCE,
+    scene: SceneInputs, round: RoundContext[DetectionRules], knowledge: ObjectKnowledge
 ) -> RefreshResult:
     """Point and box labels of one scene of a detection run.
 
-    Annotated boxes label their points exactly and spread nowhere. Elsewhere a group of regions takes the class that the
-    network gives it with confidence, and every group of an object class becomes a pseudo box, if it is plausible and
-    no true or better box is in its place. Regions that no object can be are background from the first round on; only
-    one that is merely too large may still turn out to hold objects.
+    Annotated boxes label their points exactly and propagate nowhere. Elsewhere a group of regions takes the class that
+    the network gives it with confidence, and every group of an object class becomes a pseudo box, if it is plausible
+    and no annotated or better box is in its place. Regions that no object can be are background from the first round
+    on; only one that is merely too large may still turn out to hold objects.
 
     Args:
-        prepared_cloud: Points of the scene, metres.
-        regions: Partition of the same points.
-        graph: Features and edges of the regions.
-        annotated: What the budget shows; instances are rows of its boxes.
-        probabilities: (N, C + 1) softmax, background last; NaN or zero rows where the network saw nothing; None in the
-            first round.
-        centers: (N, 3) voted object centres, metres, or None.
-        previous: Labels of the last round, or None.
-        strategy: Thresholds and schedule.
-        round: 0 .. strategy.rounds.
-        priors: (C, 3) usual sizes, metres; NaN for a class without a labelled box, which then gets no pseudo box.
-        class_counts: (C,) or (C + 1,) annotated labels of each class; breaks ties.
-        height_above_ground: Metres above the ground of each point, or None.
-        rules: When a group of points is an object, and when a region cannot be one.
-        evidence: Predicted boxes, and the score that a pseudo box needs.
+        scene: Geometry, annotated boxes, prediction (background last) and the labels of the last round.
+        round: Rules and schedule; (C,) or (C + 1,) counts.
+        knowledge: Sizes of objects, heights, and the score that is asked for.
 
     Raises:
         ValueError: A row count does not fit.
     """
-    rules = rules or ObjectRules()
-    xyz, background = prepared_cloud.xyz, len(priors)
-    check_rows(len(xyz), regions=regions.labels, annotated=annotated, height_above_ground=height_above_ground)
-    truth = known_by_boxes(xyz, annotated, background)
-    counts = _pad(class_counts, background + 1)
-    grouped = _group(prepared_cloud, regions, graph, truth, probabilities, centers, strategy, round, counts, rules)
-    surely, large = _background_points(xyz, regions, priors, height_above_ground, rules, truth)
-    supported = supported_points(previous, grouped, strategy)
-    if supported is not None and previous is not None:
-        supported &= ~(large & (previous.semantic == background))  # asked again below, in every round
+    scene.check_rows(height_above_ground=knowledge.height)
+    background = len(knowledge.mean_sizes)
+    round = replace(round, class_counts=_pad(round.class_counts, background + 1))
+    annotation = points_of_boxes(scene.xyz, scene.annotated, background)
+    grouped = _group(scene, round, annotation)
+    empty = _background_points(scene, annotation, knowledge, round.rules.objects)
+
+    supported = supported_points(scene.previous, grouped, round.rules.merge)
+    if supported is not None and scene.previous is not None:
+        supported &= ~(empty.large & (scene.previous.semantic == background))  # asked again below, in every round
     objects = find_objects(
-        xyz,
-        np.where((truth.semantic < 0) & ~surely, grouped.points, -1),
-        grouped.groups,
-        annotated.boxes,
-        priors,
-        None if height_above_ground is None else xyz[:, 2] - height_above_ground,
-        (0.0, 0.0) if prepared_cloud.sensor is None else (prepared_cloud.sensor[0], prepared_cloud.sensor[1]),
-        _earlier_objects(previous, supported),
-        _votes(probabilities, centers, len(xyz)),
-        rules,
-        evidence,
+        _object_context(scene, knowledge, round.rules.objects),
+        PointGroups(np.where(~annotation.known & ~empty.surely, grouped.points, -1), grouped.groups),
+        scene.annotated.boxes,
+        _earlier_objects(scene.previous, supported),
+        Evidence(None if scene.prediction is None else scene.prediction.boxes, knowledge.limits),
     )
-    draft = overlay(draft_of(grouped), objects.rejected, UNLABELLED, 0.0)
-    draft = overlay(draft, surely | (large & (objects.point_box < 0)), background, BACKGROUND_CONFIDENCE)
-    draft = keep_previous(draft, previous, supported)
-    draft, objects = _fill_boxes(xyz, draft, objects)
-    draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
-    labels = _with_boxes(draft, truth, objects, annotated)
-    return RefreshResult(labels, grouped.merge, refresh_stats(labels, grouped) | objects.counts, objects.candidates)
+    labels = labels_of_groups(grouped).overlay(objects.rejected, UNLABELLED, 0.0)
+    labels = labels.overlay(empty.surely | (empty.large & (objects.point_box < 0)), background, BACKGROUND_CONFIDENCE)
+    labels = keep_previous(labels, scene.previous, supported)
+    labels, objects = _fill_boxes(scene.xyz, labels, objects)
+    labels = labels.overlay(annotation.known, annotation.semantic, 1.0)
+    finished = _with_boxes(labels, annotation, objects, scene.annotated)
+    stats = refresh_stats(finished, grouped) | objects.counts
+    return RefreshResult(finished, grouped.with_record(), stats, objects.candidates)
 
 
-def _group(
-    cloud: PointCloud,
-    regions: Regions,
-    graph: RegionGraph,
-    truth: Truth,
-    probabilities: Float[np.ndarray, 'points classes'] | None,
-    centers: Float[np.ndarray, 'points 3'] | None,
-    strategy: MergeStrategy,
-    round: int,
-    counts: Int[np.ndarray, ' classes'],
-    rules: ObjectRules,
-) -> Grouped:
+def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:
+    return np.append(counts, np.zeros(classes - len(counts), dtype=np.int64)).astype(np.int64)
+
+
+def _group(scene: SceneInputs, round: RoundContext[DetectionRules], annotation: PointAnnotation) -> Grouped:
     """Merge the regions and name the groups, as far as this round and the rules of objects allow."""
-    limits = _class_limits(rules, len(counts))
-    grouped = group_regions(cloud, regions, graph, truth, probabilities, centers, strategy, round, counts, limits)
-    grouped = _split(grouped, regions, probabilities, strategy, rules)
+    limits = _class_limits(round.rules.objects, len(round.class_counts))
+    grouped = group_regions(scene, round, annotation, pool_predictions(scene, round))
+    grouped = _cut_out_parts(grouped, scene, round)
     if limits is not None:
-        grouped = grouped._replace(groups=without_doubtful(grouped.groups, limits))
-    return apply_quota(grouped, strategy, round)
+        record = replace(grouped.record, class_gamma=limits)
+        grouped = grouped._replace(groups=without_doubtful(grouped.groups, limits), record=record)
+    return limit_new_labels(grouped, round)
 
 
 def _class_limits(rules: ObjectRules, classes: int) -> Float[np.ndarray, ' classes'] | None:
@@ -138,55 +121,56 @@ def _class_limits(rules: ObjectRules, classes: int) -> Float[np.ndarray, ' class
     return None if given is None else np.asarray(given, dtype=np.float64)
 
 
-def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:
-    return np.append(counts, np.zeros(classes - len(counts), dtype=np.int64)).astype(np.int64)
-
-
-def _split(
-    grouped: Grouped,
-    regions: Regions,
-    probabilities: Float[np.ndarray, 'points classes'] | None,
-    strategy: MergeStrategy,
-    rules: ObjectRules,
-) -> Grouped:
+def _cut_out_parts(grouped: Grouped, scene: SceneInputs, round: RoundContext[DetectionRules]) -> Grouped:
+    rules, probabilities = round.rules.objects, scene.probabilities
     if probabilities is None or rules.part_share > 1:
         return grouped
-    groups, points = split_mixed(
-        grouped.groups,
-        grouped.points,
-        regions.labels,
-        probabilities,
-        strategy.gamma,
-        rules.part_share,
-        rules.min_points,
-    )
+    limits = PartLimits(round.rules.merge.gamma, rules.part_share, rules.min_points)
+    regions = scene.geometry.regions.labels
+    groups, points = split_mixed(grouped.groups, grouped.points, regions, probabilities, limits)
     return grouped._replace(groups=groups, points=points)
 
 
-def _background_points(
-    xyz: Float[np.ndarray, 'points 3'],
-    regions: Regions,
-    priors: Float[np.ndarray, 'classes 3'],
-    height: Float[np.ndarray, ' points'] | None,
-    rules: ObjectRules,
-    truth: Truth,
-) -> tuple[Bool[np.ndarray, ' points'], Bool[np.ndarray, ' points']]:
-    """Points without an annotated class that are background whatever the network says, or unless it finds an object.
+class _Background(NamedTuple):
+    """Points without an annotated class that are background.
 
-    Returns:
-        Those on the ground, of regions that reach too high, or just outside an annotated box: surely. Those of regions
-        that are too large: unless the network finds whole objects in them, such as a row of parked cars.
+    Attributes:
+        surely: Whatever the network says: on the ground, of regions that reach too high, or just outside an annotated
+            box.
+        large: Of regions that are too large: unless the network finds whole objects in them, such as a row of parked
+            cars.
     """
-    large = geometric_background(robust_extents(xyz, regions), None, priors, rules.background_ratio)
+
+    surely: Bool[np.ndarray, ' points']
+    large: Bool[np.ndarray, ' points']
+
+
+def _background_points(
+    scene: SceneInputs, annotation: PointAnnotation, knowledge: ObjectKnowledge, rules: ObjectRules
+) -> _Background:
+    regions, sizes, height = scene.geometry.regions, knowledge.mean_sizes, knowledge.height
+    large = geometric_background(robust_extents(scene.xyz, regions), None, sizes, rules.background_ratio)
     of_large = point_values(large, regions.labels, False).astype(bool)
-    surely = np.zeros(len(xyz), dtype=bool)
+    surely = np.zeros(len(scene.xyz), dtype=bool)
     if height is not None:
-        small = np.zeros((len(regions), 3))
-        tall = geometric_background(small, region_tops(height, regions), priors, rules.background_ratio)
+        flat = np.zeros((len(regions), 3))
+        tall = geometric_background(flat, region_tops(height, regions), sizes, rules.background_ratio)
         ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
         surely = point_values(tall, regions.labels, False).astype(bool) | ground
-    free = truth.seeds < 0
-    return (surely & free) | truth.shell, of_large & free
+    free = annotation.seeds < 0
+    return _Background((surely & free) | annotation.shell, of_large & free)
+
+
+def _object_context(scene: SceneInputs, knowledge: ObjectKnowledge, rules: ObjectRules) -> ObjectContext:
+    sensor = scene.geometry.cloud.sensor
+    return ObjectContext(
+        scene.xyz,
+        knowledge.mean_sizes,
+        None if knowledge.height is None else scene.xyz[:, 2] - knowledge.height,
+        (0.0, 0.0) if sensor is None else (sensor[0], sensor[1]),
+        _votes(scene),
+        rules,
+    )
 
 
 def _earlier_objects(
@@ -201,43 +185,46 @@ def _earlier_objects(
     return EarlierObjects(previous.boxes.select(alive), rows[points])
 
 
-def _votes(
-    probabilities: Float[np.ndarray, 'points classes'] | None, centers: Float[np.ndarray, 'points 3'] | None, count: int
-) -> PointVotes:
+def _votes(scene: SceneInputs) -> PointVotes:
+    probabilities = scene.probabilities
     if probabilities is None:
-        return PointVotes(np.full(count, -1, dtype=np.int64), None)
+        return PointVotes(np.full(len(scene.xyz), -1, dtype=np.int64), None)
     likely = np.where(seen_rows(probabilities), np.nan_to_num(probabilities).argmax(axis=1), -1)
-    return PointVotes(likely, centers)
+    return PointVotes(likely, scene.centers)
 
 
-def _fill_boxes(xyz: Float[np.ndarray, 'points 3'], draft: Draft, objects: Objects) -> tuple[Draft, Objects]:
+def _fill_boxes(
+    xyz: Float[np.ndarray, 'points 3'], labels: LabelAssembly, objects: Objects
+) -> tuple[LabelAssembly, Objects]:
     """Points in a pseudo box that are of its class or of which nothing else is known are its object's."""
     assert objects.boxes.scores is not None
     inside = points_in_boxes(xyz, objects.boxes.tensor)
     label = np.append(objects.boxes.labels, -1)[inside]
-    fill = (inside >= 0) & (draft.semantic == UNLABELLED)
-    own = fill | ((inside >= 0) & (objects.point_box < 0) & (draft.semantic == label))
-    filled = overlay(draft, fill, label, np.append(objects.boxes.scores, 0.0)[inside])
+    fill = (inside >= 0) & (labels.semantic == UNLABELLED)
+    own = fill | ((inside >= 0) & (objects.point_box < 0) & (labels.semantic == label))
+    filled = labels.overlay(fill, label, np.append(objects.boxes.scores, 0.0)[inside])
     return filled, objects._replace(point_box=np.where(own, inside, objects.point_box))
 
 
-def _with_boxes(draft: Draft, truth: Truth, objects: Objects, annotated: AnnotatedLabels) -> PseudoLabels:
-    """Labels with true boxes first, and every point's row of them."""
+def _with_boxes(
+    labels: LabelAssembly, annotation: PointAnnotation, objects: Objects, annotated: AnnotatedLabels
+) -> PseudoLabels:
+    """Labels with annotated boxes first, and every point's row of them."""
     found, known = objects.boxes, annotated.boxes
     assert found.scores is not None and known.scores is not None
-    own = (objects.point_box >= 0) & (np.append(found.labels, -1)[objects.point_box] == draft.semantic)
+    own = (objects.point_box >= 0) & (np.append(found.labels, -1)[objects.point_box] == labels.semantic)
     instance = np.where(own, len(known) + objects.point_box, -1)
-    instance = np.where(truth.semantic >= 0, truth.instance, instance)
+    instance = np.where(annotation.known, annotation.instance, instance)
     boxes = Boxes3D(
         np.concatenate([known.tensor, found.tensor]),
         np.concatenate([known.labels, found.labels]),
         np.concatenate([known.scores, found.scores]),
     )
     return PseudoLabels(
-        semantic=draft.semantic,
+        semantic=labels.semantic,
         instance=instance.astype(np.int64),
-        point_is_annotated=truth.semantic >= 0,
-        confidence=draft.confidence,
+        point_is_annotated=annotation.known,
+        confidence=labels.confidence,
         boxes=boxes,
         box_is_annotated=np.arange(len(boxes)) < len(known),
         complete=annotated.complete,

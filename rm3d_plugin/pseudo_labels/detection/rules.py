@@ -1,11 +1,11 @@
 """When a group of points is an object, and every rule of a detection run's labels."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
-from rm3d_plugin.pseudo_labels.common.strategy import Strategy, is_paper, optional_rules
+from rm3d_plugin.pseudo_labels.common.strategy import Strategy, is_paper, optional_rules, with_gamma
 from rm3d_plugin.regions import MergeRules
 from rm3d_plugin.structures.check_field import check_choice, check_field
 
@@ -102,7 +102,8 @@ def detection_rules(
         strategy: 'paper': ``merge`` and :data:`AS_PRINTED` boxes, the method as METHOD 6 and 7 have it; the rest is not
             read. 'default': all.
         merge: Fields of :class:`~rm3d_plugin.regions.MergeRules`.
-        objects: Fields of :class:`ObjectRules`. Its ``gamma`` takes the place of that of ``merge``.
+        objects: Fields of :class:`ObjectRules`. Its ``gamma`` takes the place of that of
+            ``merge``, which is then left out.
         self_training: Fields of :class:`SelfTrainingRules`, or None.
 
     Raises:
@@ -112,6 +113,5 @@ def detection_rules(
     if is_paper(strategy):
         return DetectionRules(merging, AS_PRINTED)
     rules = ObjectRules(**(objects or {}))
-    if rules.gamma is not None:
-        merging = replace(merging, gamma=rules.gamma)
+    merging = with_gamma(merging, merge, rules.gamma, 'ObjectRules.gamma')
     return DetectionRules(merging, rules, optional_rules(SelfTrainingRules, self_training))

@@ -14,8 +14,8 @@ class GroundRules:
 
     Attributes:
         min_upright: Regions whose mean normal is this upright (its z in [0, 1]) are ground. Smaller: slopes too.
-        classifier: 'nearest': each point takes the class of the nearest annotated one, with differences of height, as of
-            a kerb, counted more; after the first round what the network and those distances say together. 'kernel':
+        classifier: 'nearest': each point takes the class of the nearest annotated one, with differences of height, as
+            of a kerb, counted more; after the first round what the network and those distances say together. 'kernel':
             what annotated ground points of all scenes teach names them, in the first round and for good; where hardly
             any are annotated it is as 'nearest'.
         max_distance: Metres up to which an annotated point names ground points in the first round. Larger: more and

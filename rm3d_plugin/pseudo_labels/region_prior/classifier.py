@@ -1,4 +1,4 @@
-"""What clicked regions of all scenes teach of the others: how classes look to a sensor, and how frequent they are.
+"""What annotated regions of all scenes teach of the others: how classes look to a sensor, and how frequent they are.
 
 Budgets that show as many points of each class say nothing of how frequent classes are; what regions look like does.
 """
@@ -8,29 +8,34 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.pseudo_labels.common.distance_prior import annotated_distances, nearness
+from rm3d_plugin.pseudo_labels.common.distance_prior import annotated_distances, distance_prior
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import (
-    KernelClasses,
+    KernelClassifier,
     class_prior_em,
     evenly_chosen,
-    fit_kernel_classes,
+    fit_kernel_classifier,
     normalised,
     scaling_of,
 )
 from rm3d_plugin.pseudo_labels.common.sensor import (
     WIDEST,
-    UsualStrength,
+    IntensityByRange,
     brightness,
+    intensity_by_range,
+    intensity_of,
+    intensity_sums,
     seen_from_sensor,
-    strength_of,
-    strength_sums,
-    usual_of,
 )
-from rm3d_plugin.pseudo_labels.ground.labels import level_regions
-from rm3d_plugin.pseudo_labels.region_prior.features import DESCRIPTOR_WEIGHT, LEAST_POINTS, SHAPE_COLUMNS, region_looks
+from rm3d_plugin.pseudo_labels.ground.labels import ground_regions
+from rm3d_plugin.pseudo_labels.region_prior.features import (
+    DESCRIPTOR_WEIGHT,
+    LEAST_POINTS,
+    SHAPE_COLUMNS,
+    prior_features,
+)
 from rm3d_plugin.regions.prepare import PreparedScene
 
-LENGTH = 0.8  # of the kernel between looks
+LENGTH = 0.8  # of the kernel between features
 MOST_EXAMPLES = 200  # of a class
 LEAST_EXAMPLES = 15  # of all classes: fewer do not tell how likely classes are
 LEAST_POINTS_OF_ONE = 5  # of a region that is an example
@@ -45,7 +50,7 @@ class RegionRows(NamedTuple):
     """Regions of one or more scenes, as a sensor sees them.
 
     Attributes:
-        looks: (R, F) see :func:`~rm3d_plugin.pseudo_labels.region_prior.features.region_looks`.
+        features: (R, F) see :func:`~rm3d_plugin.pseudo_labels.region_prior.features.prior_features`.
         strengths: (R, 2) mean and deviation of the return strength, or of the brightness of colours; 0: unknown.
         ranges: (R,) metres from the sensor to the middle; 0: the sensor is unknown.
         aside: (R,) metres from the path of the sensor; 0: unknown.
@@ -53,7 +58,7 @@ class RegionRows(NamedTuple):
         sizes: (R,) points.
     """
 
-    looks: Float[np.ndarray, 'regions features']
+    features: Float[np.ndarray, 'regions features']
     strengths: Float[np.ndarray, 'regions 2']
     ranges: Float[np.ndarray, ' regions']
     aside: Float[np.ndarray, ' regions']
@@ -64,7 +69,7 @@ class RegionRows(NamedTuple):
         """These regions alone."""
         return RegionRows(*(part[rows] for part in self))
 
-    def columns(self, usual: UsualStrength) -> Float[np.ndarray, 'regions columns']:
+    def columns(self, usual: IntensityByRange) -> Float[np.ndarray, 'regions columns']:
         """Looks, brightness and its deviation, points a square metre and in all as if seen from 1 m, range, aside.
 
         Args:
@@ -78,7 +83,7 @@ class RegionRows(NamedTuple):
         nearby = np.log(np.maximum(self.sizes, 1) * away**2)
         seen = np.stack([nearby - np.log(np.maximum(self.areas, _LEAST_AREA)), nearby, np.log(away)], axis=1)
         seen[~known] = 0.0
-        return np.concatenate([self.looks, bright, seen, np.minimum(self.aside, WIDEST)[:, None]], axis=1)
+        return np.concatenate([self.features, bright, seen, np.minimum(self.aside, WIDEST)[:, None]], axis=1)
 
 
 def region_rows(scene: PreparedScene, heading: bool) -> RegionRows:
@@ -95,7 +100,7 @@ def region_rows(scene: PreparedScene, heading: bool) -> RegionRows:
     def mean(values: Float[np.ndarray, ' points']) -> Float[np.ndarray, ' regions']:
         return np.bincount(own, values[inside], minlength=count) / sizes
 
-    strength, ranges, aside = strength_of(cloud), np.zeros(count), np.zeros(count)
+    strength, ranges, aside = intensity_of(cloud), np.zeros(count), np.zeros(count)
     strengths = np.zeros((count, 2))
     if strength is not None:
         middle = mean(strength)
@@ -105,26 +110,26 @@ def region_rows(scene: PreparedScene, heading: bool) -> RegionRows:
         ranges = np.maximum(np.linalg.norm(middles, axis=1), 1e-3)
         aside = np.abs(middles[:, 1]) if heading else aside
     areas = np.sort(graph.extents, axis=1)[:, 1:].prod(axis=1)
-    return RegionRows(region_looks(cloud, regions, graph), strengths, ranges, aside, areas, regions.sizes)
+    return RegionRows(prior_features(cloud, regions, graph), strengths, ranges, aside, areas, regions.sizes)
 
 
 class RegionKnowledge(NamedTuple):
-    """What clicked regions teach.
+    """What annotated regions teach.
 
     Attributes:
         usual: Return strength by range.
-        classes: Taught by clicked regions.
+        classes: Taught by annotated regions.
         frequencies: (C,) share of each class in the points of the scenes where it stands.
         heading: See :func:`region_rows`.
     """
 
-    usual: UsualStrength
-    classes: KernelClasses
+    usual: IntensityByRange
+    classes: KernelClassifier
     frequencies: Float[np.ndarray, ' classes']
     heading: bool
 
     def shares(self, scene: PreparedScene) -> Float[np.ndarray, 'regions classes']:
-        """How likely each class is for the regions of a scene by their looks, times how frequent it is.
+        """How likely each class is for the regions of a scene by their features, times how frequent it is.
 
         Classes that no region teaches have :data:`DOUBT`, so that a network may still name them.
         """
@@ -146,12 +151,12 @@ class RegionCollector:
 
     Args:
         heading: See :func:`region_rows`.
-        level: Regions so upright are named point by point elsewhere: they teach what ground is, but have no part in how
-            frequent classes are. None: no region is so.
+        min_upright: Regions so upright are named point by point elsewhere: they teach what ground is, but have no part
+            in how frequent classes are. None: no region is so.
     """
 
-    def __init__(self, heading: bool, level: float | None) -> None:
-        self._heading, self._level = heading, level
+    def __init__(self, heading: bool, min_upright: float | None) -> None:
+        self._heading, self._min_upright = heading, min_upright
         self._examples: list[RegionRows] = []
         self._classes: list[Int[np.ndarray, ' _examples']] = []
         self._scenes: list[_Scanned] = []
@@ -161,7 +166,7 @@ class RegionCollector:
         self,
         scene: PreparedScene,
         classes: Int[np.ndarray, ' regions'],
-        true_labels: Int[np.ndarray, ' points'],
+        annotated: Int[np.ndarray, ' points'],
         count: int,
     ) -> None:
         """Take in a scene.
@@ -169,7 +174,7 @@ class RegionCollector:
         Args:
             scene: Points, regions and their graph.
             classes: The only class annotated in each region; -1: none, or several.
-            true_labels: True class of each point, -1 = unknown.
+            annotated: Annotated class of each point, -1 = none.
             count: Number of classes.
         """
         rows = region_rows(scene, self._heading)
@@ -181,8 +186,8 @@ class RegionCollector:
             kept = np.sort(evenly_chosen(labels, 2 * MOST_EXAMPLES))
             self._examples, self._classes = [_joined(self._examples).select(kept)], [labels[kept]]
         if self._seen % self._step == 0 and len(classes):
-            distance = annotated_distances(scene.cloud.xyz, scene.regions, true_labels, count)
-            self._scenes.append(_Scanned(rows, ~level_regions(scene.graph, self._level), distance))
+            distance = annotated_distances(scene.cloud.xyz, scene.regions, annotated, count)
+            self._scenes.append(_Scanned(rows, ~ground_regions(scene.graph, self._min_upright), distance))
         self._seen += 1
         if len(self._scenes) > MOST_SCENES:
             self._scenes, self._step = self._scenes[::2], 2 * self._step
@@ -191,22 +196,22 @@ class RegionCollector:
         """What was gathered; None where fewer than :data:`LEAST_EXAMPLES` regions were clicked.
 
         Args:
-            lengths: See :func:`~rm3d_plugin.pseudo_labels.common.distance_prior.nearness`.
+            lengths: See :func:`~rm3d_plugin.pseudo_labels.common.distance_prior.distance_prior`.
             scale: See there.
         """
         if sum(map(len, self._classes)) < LEAST_EXAMPLES:
             return None
         every = _joined([scene.rows for scene in self._scenes])
-        usual = usual_of(strength_sums(every.ranges, every.strengths[:, 0], every.sizes))
+        usual = intensity_by_range(intensity_sums(every.ranges, every.strengths[:, 0], every.sizes))
         columns = every.columns(usual)
         large = every.sizes >= LEAST_POINTS
         scaling = scaling_of(columns[large] if large.any() else columns, _column_weights(columns.shape[1]))
         labels = np.concatenate(self._classes)
         chosen = evenly_chosen(labels, MOST_EXAMPLES)
         examples = _joined(self._examples).select(chosen).columns(usual)
-        classes = fit_kernel_classes(examples, labels[chosen], scaling, LENGTH)
+        classes = fit_kernel_classifier(examples, labels[chosen], scaling, LENGTH)
         standing = np.concatenate([scene.standing for scene in self._scenes])
-        near = np.concatenate([nearness(scene.distance, lengths, scale) for scene in self._scenes])[standing]
+        near = np.concatenate([distance_prior(scene.distance, lengths, scale) for scene in self._scenes])[standing]
         shares = classes.shares(columns[standing], near.shape[1]) * near
         frequencies = class_prior_em(shares, every.sizes[standing], near > 0)
         return RegionKnowledge(usual, classes, frequencies, self._heading)

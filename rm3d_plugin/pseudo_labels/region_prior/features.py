@@ -1,4 +1,4 @@
-"""What regions look like, and which labelled regions, anywhere in the training set, look like them."""
+"""What regions look like, and which annotated regions, anywhere in the training set, look like them."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -10,8 +10,8 @@ from scipy.spatial.distance import cdist
 from rm3d_plugin.structures import PointCloud, RegionGraph, Regions
 
 LEAST_POINTS = 30  # of a region that is an example
-NEIGHBORS = 10  # labelled regions that are asked
-BANDWIDTH = 0.15  # squared distance at which a labelled region counts 1 / e
+NEIGHBORS = 10  # annotated regions that are asked
+BANDWIDTH = 0.15  # squared distance at which an annotated region counts 1 / e
 DOUBT = 0.1  # votes that each class has for nothing, so that far neighbours alone convince no one
 DESCRIPTOR_WEIGHT = 0.5  # of the squared distance of descriptors, against 1 of shape and height
 SHAPE_COLUMNS = 7
@@ -21,19 +21,19 @@ class RegionExamples(NamedTuple):
     """Labelled regions of all training scenes.
 
     Attributes:
-        looks: (M, F) scaled, so that squared distances are about 1 for regions that have nothing in common.
+        features: (M, F) scaled, so that squared distances are about 1 for regions that have nothing in common.
         classes: (M,) int64.
-        middle: (F,) what is taken off a look.
+        middle: (F,) what is taken off a feature.
         scale: (F,) what it is multiplied by then.
     """
 
-    looks: Float[np.ndarray, 'examples features']
+    features: Float[np.ndarray, 'examples features']
     classes: Int[np.ndarray, ' examples']
     middle: Float[np.ndarray, ' features']
     scale: Float[np.ndarray, ' features']
 
 
-def region_looks(cloud: PointCloud, regions: Regions, graph: RegionGraph) -> Float[np.ndarray, 'regions features']:
+def prior_features(cloud: PointCloud, regions: Regions, graph: RegionGraph) -> Float[np.ndarray, 'regions features']:
     """Slope, curvature, three lengths, lower and upper end above the scene's floor, then the mean descriptor.
 
     Nothing in it changes when the scene is turned about z or moved. Colours are left out: they tell things of one scene
@@ -60,15 +60,15 @@ def collect_examples(
         tuple[Float[np.ndarray, 'regions features'], Int[np.ndarray, ' regions'], Int[np.ndarray, ' regions']]
     ],
 ) -> RegionExamples | None:
-    """Scale the looks of the regions of all scenes, and keep the labelled ones.
+    """Scale the features of the regions of all scenes, and keep the annotated ones.
 
     Args:
-        scenes: For each scene looks, class (-1 = unlabelled) and points of its regions.
+        scenes: For each scene features, class (-1 = unlabelled) and points of its regions.
 
     Returns:
         None where no region of :data:`LEAST_POINTS` is labelled.
     """
-    looks: list[np.ndarray] = []
+    features: list[np.ndarray] = []
     classes: list[np.ndarray] = []
     count, total, squares = 0, np.zeros(1), np.zeros(1)
     for rows, labels, sizes in scenes:
@@ -76,7 +76,7 @@ def collect_examples(
         count += int(large.sum())
         total = total + rows[large].sum(axis=0)
         squares = squares + np.square(rows[large]).sum(axis=0)
-        looks.append(rows[large & (labels >= 0)])
+        features.append(rows[large & (labels >= 0)])
         classes.append(labels[large & (labels >= 0)])
     if not sum(map(len, classes)):
         return None
@@ -86,28 +86,28 @@ def collect_examples(
     share = np.where(np.arange(len(middle)) < SHAPE_COLUMNS, 1 / SHAPE_COLUMNS, DESCRIPTOR_WEIGHT / rest)
     told = deviation > 1e-6 * (1.0 + np.abs(middle))  # a column that is the same everywhere tells nothing
     scale = np.where(told, np.sqrt(share) / np.where(told, deviation, 1.0), 0.0)
-    return RegionExamples((np.concatenate(looks) - middle) * scale, np.concatenate(classes), middle, scale)
+    return RegionExamples((np.concatenate(features) - middle) * scale, np.concatenate(classes), middle, scale)
 
 
-def looks_shares(
-    looks: Float[np.ndarray, 'regions features'], examples: RegionExamples, count: int
+def knn_class_prior(
+    features: Float[np.ndarray, 'regions features'], examples: RegionExamples, count: int
 ) -> Float[np.ndarray, 'regions classes']:
-    """How much the labelled regions that look most alike speak for each class.
+    """How much the annotated regions that look most alike speak for each class.
 
     Each of the nearest examples votes with exp(-squared distance / bandwidth), and each class has a little for nothing.
 
     Args:
-        looks: Of the regions of one scene, see :func:`region_looks`.
+        features: Of the regions of one scene, see :func:`prior_features`.
         examples: Labelled regions of all scenes.
         count: Number of classes.
 
     Returns:
         (R, C) rows of sum 1; alike for all classes where nothing is near.
     """
-    distance = cdist((looks - examples.middle) * examples.scale, examples.looks, 'sqeuclidean')
-    asked = min(NEIGHBORS, len(examples.looks))
+    distance = cdist((features - examples.middle) * examples.scale, examples.features, 'sqeuclidean')
+    asked = min(NEIGHBORS, len(examples.features))
     nearest = np.argpartition(distance, asked - 1, axis=1)[:, :asked]
     weights = np.exp(-np.take_along_axis(distance, nearest, axis=1) / BANDWIDTH)
-    votes = np.full((len(looks), count), DOUBT)
-    np.add.at(votes, (np.arange(len(looks))[:, None], examples.classes[nearest]), weights)
+    votes = np.full((len(features), count), DOUBT)
+    np.add.at(votes, (np.arange(len(features))[:, None], examples.classes[nearest]), weights)
     return np.asarray(votes / votes.sum(axis=1, keepdims=True))

@@ -1,4 +1,4 @@
-"""A part of the annotated points is kept aside, and tells whether a round made the labels worse.
+"""A part of the annotated points, the holdout, is kept aside and tells whether a round made the labels worse.
 
 These points are neither trained on nor used for merging. After a refresh, the share of them that the new pseudo labels
 contradict is compared with the former round's; where it is worse by a margin, the round's new labels are dropped.
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from rm3d_plugin.pseudo_labels.common.annotated import AnnotatedLabels
 from rm3d_plugin.structures import UNLABELLED, PseudoLabels
 
-MIN_JUDGED = 5  # kept-aside points under a class's pseudo labels; fewer are no evidence
+MIN_COMPARED = 5  # holdout points under a class's pseudo labels; fewer are no evidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Holdout:
     Attributes:
         annotated: What training and merging may know.
         points: (H,) int64 the points kept aside, ascending.
-        classes: (H,) int64 their true classes.
+        classes: (H,) int64 their annotated classes.
     """
 
     annotated: AnnotatedLabels
@@ -35,24 +35,24 @@ class HoldoutErrors:
     """Kept-aside points by the class that the pseudo labels give them; scenes add up.
 
     Attributes:
-        judged: (C,) int64 of them, points with a pseudo label of the class.
+        compared: (C,) int64 of them, points with a pseudo label of the class.
         wrong: (C,) int64 of these, points of another class.
     """
 
-    judged: Int[np.ndarray, ' classes']
+    compared: Int[np.ndarray, ' classes']
     wrong: Int[np.ndarray, ' classes']
 
     def __add__(self, other: 'HoldoutErrors') -> 'HoldoutErrors':
-        return HoldoutErrors(self.judged + other.judged, self.wrong + other.wrong)
+        return HoldoutErrors(self.compared + other.compared, self.wrong + other.wrong)
 
     @property
     def share(self) -> Float[np.ndarray, ' classes']:
-        """Share of the judged points that are contradicted; NaN where none was judged."""
-        return np.where(self.judged > 0, self.wrong / np.maximum(self.judged, 1), np.nan)
+        """Share of the compared points that are contradicted; NaN where none was compared."""
+        return np.where(self.compared > 0, self.wrong / np.maximum(self.compared, 1), np.nan)
 
     def whole(self) -> 'HoldoutErrors':
         """All classes as one."""
-        return HoldoutErrors(self.judged.sum(keepdims=True), self.wrong.sum(keepdims=True))
+        return HoldoutErrors(self.compared.sum(keepdims=True), self.wrong.sum(keepdims=True))
 
 
 def split_holdout(annotated: AnnotatedLabels, share: float, rng: np.random.Generator) -> Holdout:
@@ -97,26 +97,26 @@ def holdout_errors(labels: Int[np.ndarray, ' points'], held: Holdout, num_classe
         num_classes: Number of classes.
     """
     given = labels[held.points]
-    judged = given >= 0
+    compared = given >= 0
     return HoldoutErrors(
-        np.bincount(given[judged], minlength=num_classes),
-        np.bincount(given[judged & (given != held.classes)], minlength=num_classes),
+        np.bincount(given[compared], minlength=num_classes),
+        np.bincount(given[compared & (given != held.classes)], minlength=num_classes),
     )
 
 
 def got_worse(
-    new: HoldoutErrors, old: HoldoutErrors, margin: float, min_judged: int = MIN_JUDGED
+    new: HoldoutErrors, old: HoldoutErrors, margin: float, min_compared: int = MIN_COMPARED
 ) -> Bool[np.ndarray, ' classes']:
     """Classes whose labels of this round contradict more of the points kept aside than those of the former round.
 
     Args:
         new: Errors of this round, of one scene or summed over scenes.
-        old: Errors of the former round; a class that judged nothing there had no error.
+        old: Errors of the former round; a class with nothing compared there had no error.
         margin: By how much the share must exceed the former one.
-        min_judged: Fewest points of this round that are evidence.
+        min_compared: Fewest points of this round that are evidence.
     """
     before = np.nan_to_num(old.share)
-    return np.asarray((new.judged >= min_judged) & (np.nan_to_num(new.share) > before + margin))
+    return np.asarray((new.compared >= min_compared) & (np.nan_to_num(new.share) > before + margin))
 
 
 def without_new_labels(
@@ -124,7 +124,7 @@ def without_new_labels(
 ) -> PseudoLabels:
     """Take back what a round newly gave to some classes: these points have the former round's label again.
 
-    True labels stay. Coverage does not fall under the former round's.
+    Annotated labels stay. Coverage does not fall under the former round's.
 
     Args:
         labels: Of this round, without boxes.

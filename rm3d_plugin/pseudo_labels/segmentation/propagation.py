@@ -1,14 +1,21 @@
 """How far the annotated points of a scene speak for the regions they lie in."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from rm3d_plugin.structures import UNLABELLED
+from rm3d_plugin.pseudo_labels.common.annotated import PointAnnotation, annotated_region_classes
+from rm3d_plugin.pseudo_labels.common.assembly import LabelAssembly
+from rm3d_plugin.pseudo_labels.common.groups import confident_parts
+from rm3d_plugin.pseudo_labels.common.inputs import CommonRules, RoundContext, SceneInputs
+from rm3d_plugin.structures import UNLABELLED, PointCloud
 from rm3d_plugin.structures.check_field import check_positive, check_switches
+
+NEAR_PLACE = 0.5  # m that count as much as NEAR_COLOR
+NEAR_COLOR = 0.16  # RGB difference, of 1
 
 
 @dataclass(frozen=True)
@@ -38,133 +45,161 @@ class PropagationRules:
         check_switches(self, 'new_instances')
 
 
-class SeededRegions(NamedTuple):
-    """Each region with each class of which it holds a true label, in ascending order.
+class RulesWithPropagation(CommonRules, Protocol):
+    """Rules of a task in which annotated points speak for regions."""
 
-    Attributes:
-        regions: (S,) int64.
-        classes: (S,) int64.
-    """
-
-    regions: Int[np.ndarray, ' pairs']
-    classes: Int[np.ndarray, ' pairs']
-
-
-def seeded_regions(region_labels: Int[np.ndarray, ' points'], true_labels: Int[np.ndarray, ' points']) -> SeededRegions:
-    """Which classes the true labels of each region name."""
-    seeds = (true_labels >= 0) & (region_labels >= 0)
-    pairs = np.unique(np.stack([region_labels[seeds], true_labels[seeds]], axis=1), axis=0).astype(np.int64)
-    return SeededRegions(pairs[:, 0], pairs[:, 1])
+    @property
+    def propagation(self) -> PropagationRules | None:
+        """How far they do, or None."""
 
 
 def mixed_regions(
-    region_labels: Int[np.ndarray, ' points'], true_labels: Int[np.ndarray, ' points']
+    region_labels: Int[np.ndarray, ' points'], annotated: Int[np.ndarray, ' points']
 ) -> Int[np.ndarray, ' mixed']:
-    """Regions that hold true labels of several classes, ascending."""
-    regions, classes = np.unique(seeded_regions(region_labels, true_labels).regions, return_counts=True)
+    """Regions that hold annotated points of several classes, ascending."""
+    regions, classes = np.unique(annotated_region_classes(region_labels, annotated).regions, return_counts=True)
     return np.asarray(regions[classes > 1], dtype=np.int64)
 
 
 def nearest_seeds(
-    xyz: Float[np.ndarray, 'points 3'],
-    colors: Float[np.ndarray, 'points 3'] | None,
+    cloud: PointCloud,
     region_labels: Int[np.ndarray, ' points'],
-    true_labels: Int[np.ndarray, ' points'],
-    place: float,
-    color: float,
+    annotated: Int[np.ndarray, ' points'],
     regions: Int[np.ndarray, ' asked'] | None = None,
 ) -> Int[np.ndarray, ' points']:
-    """The labelled point of its own region that is nearest to each point and alike.
+    """The annotated point of its own region that is nearest to each point and alike.
 
-    The distance is that of (xyz / place, colour / color).
+    The distance is that of (xyz / :data:`NEAR_PLACE`, RGB / :data:`NEAR_COLOR`); without colours the place decides.
 
     Args:
-        xyz: Metres.
-        colors: RGB in [0, 1], or None: the place alone.
+        cloud: Points.
         region_labels: Region of each point, -1 = none.
-        true_labels: True class of each point, -1 = unknown.
-        place: Metres that count as much as ``color``.
-        color: Difference of colour that counts 1; larger: place decides.
-        regions: Only these regions, which all hold a true label; None: all that do.
+        annotated: Annotated class of each point, -1 = none.
+        regions: Only these regions, which all hold an annotated point; None: all that do.
 
     Returns:
         (N,) int64; -1 for points of other regions.
     """
-    out = np.full(len(xyz), -1, dtype=np.int64)
-    where = xyz / place if colors is None else np.concatenate([xyz / place, colors / color], axis=1)
+    out = np.full(len(cloud), -1, dtype=np.int64)
+    where = cloud.xyz / NEAR_PLACE
+    if cloud.colors is not None:
+        where = np.concatenate([where, cloud.colors / NEAR_COLOR], axis=1)
     if regions is None:
-        regions = np.unique(region_labels[(true_labels >= 0) & (region_labels >= 0)])
+        regions = np.unique(region_labels[(annotated >= 0) & (region_labels >= 0)])
     order = np.argsort(region_labels, kind='stable')
     bounds = np.searchsorted(region_labels[order], np.stack([regions, regions + 1], axis=1).reshape(-1))
     for first, last in bounds.reshape(-1, 2).tolist():
         members = order[first:last]
-        own = members[true_labels[members] >= 0]
+        own = members[annotated[members] >= 0]
         _, nearest = cKDTree(where[own]).query(where[members])
         out[members] = own[nearest]
     return out
 
 
-def nearest_true_classes(
+def nearest_classes(
     region_labels: Int[np.ndarray, ' points'],
-    true_labels: Int[np.ndarray, ' points'],
+    annotated: Int[np.ndarray, ' points'],
     seeds: Int[np.ndarray, ' points'],
 ) -> Int[np.ndarray, ' points']:
-    """In regions that hold true labels of several classes: the class of the labelled point that is nearest and alike.
+    """In regions with annotated points of several classes: the class of the one that is nearest and alike.
 
     A majority would give the window in a wall to the wall.
 
     Args:
         region_labels: Region of each point, -1 = none.
-        true_labels: True class of each point, -1 = unknown.
-        seeds: Labelled point for each point, see :func:`nearest_seeds`.
+        annotated: Annotated class of each point, -1 = none.
+        seeds: Annotated point for each point, see :func:`nearest_seeds`.
 
     Returns:
-        (N,) int64; -1 for points of regions whose true labels agree, or that hold none.
+        (N,) int64; -1 for points of regions whose annotated points agree, or that hold none.
     """
-    mixed = np.isin(region_labels, mixed_regions(region_labels, true_labels))
-    return np.where(mixed, np.append(true_labels, UNLABELLED)[seeds], UNLABELLED).astype(np.int64)
+    mixed = np.isin(region_labels, mixed_regions(region_labels, annotated))
+    return np.where(mixed, np.append(annotated, UNLABELLED)[seeds], UNLABELLED).astype(np.int64)
 
 
-def usual_lengths(
-    classes: Int[np.ndarray, ' pairs'], lengths: Float[np.ndarray, ' pairs'], count: int, least: int = 3
-) -> Float[np.ndarray, ' classes']:
-    """Median length of the regions in which labels of each class were annotated.
-
-    Args:
-        classes: Class of each seeded region, of all scenes.
-        lengths: Its length, metres.
-        count: Number of classes.
-        least: Regions that a class needs.
-
-    Returns:
-        (C,) metres; NaN for a class of fewer regions.
-    """
-    return np.array([np.median(own) if len(own := lengths[classes == c]) >= least else np.nan for c in range(count)])
-
-
-def quiet_seeds(
+def seeds_of_long_regions(
     region_labels: Int[np.ndarray, ' points'],
-    true_labels: Int[np.ndarray, ' points'],
+    annotated: Int[np.ndarray, ' points'],
     lengths: Float[np.ndarray, ' regions'],
-    usual: Float[np.ndarray, ' classes'],
-    factor: float,
+    longest: Float[np.ndarray, ' classes'],
 ) -> Bool[np.ndarray, ' points']:
-    """True labels in a region that is far too long for their class: the picture's point that fell upon the wall.
+    """Annotated points in a region that is far too long for their class, as a picture's that fell upon the wall.
 
     Args:
         region_labels: Region of each point, -1 = none.
-        true_labels: True class of each point, -1 = unknown.
+        annotated: Annotated class of each point, -1 = none.
         lengths: Of each region, metres.
-        usual: Usual length for each class, see :func:`usual_lengths`; NaN: never too long.
-        factor: Lengths above this many usual ones are too long.
+        longest: Longest region of each class, metres; NaN: any.
     """
-    inside = (true_labels >= 0) & (region_labels >= 0)
-    limit = np.append(usual, np.nan)[true_labels] * factor
+    inside = (annotated >= 0) & (region_labels >= 0)
+    limit = np.append(longest, np.nan)[annotated]
     return np.asarray(inside & (np.append(lengths, 0.0)[region_labels] > limit))
 
 
-def unlike_seed(
+def differs_from_seed(
     colors: Float[np.ndarray, 'points 3'], seeds: Int[np.ndarray, ' points'], limit: float
 ) -> Bool[np.ndarray, ' points']:
-    """Points that differ in colour from their labelled point (see :func:`nearest_seeds`) by more than the limit."""
+    """Points that differ in colour from their annotated point (see :func:`nearest_seeds`) by more than the limit."""
     return np.asarray((seeds >= 0) & (np.linalg.norm(colors - colors[seeds], axis=1) > limit))
+
+
+def named_one_by_one(
+    votes: Int[np.ndarray, 'regions classes'], rules: PropagationRules | None, colored: bool
+) -> Bool[np.ndarray, ' regions']:
+    """Regions whose points :func:`name_single_points` names, so that no threshold of merging has a say in them.
+
+    Args:
+        votes: Annotated points of each region by class.
+        rules: How far they speak, or None.
+        colored: Whether the scan has colours.
+    """
+    classes = (votes > 0).sum(axis=1)
+    if rules is None:
+        return np.zeros(len(votes), dtype=bool)
+    return np.asarray(classes > (0 if colored and rules.max_color is not None else 1))
+
+
+def name_single_points(
+    labels: LabelAssembly, scene: SceneInputs, round: RoundContext[RulesWithPropagation], annotation: PointAnnotation
+) -> LabelAssembly:
+    """What the annotated points of a region say of its points one by one, where the rules ask for that.
+
+    They say the same in every round, so where labels stay only the points that they left out are asked for again.
+    """
+    rules, merging, cloud = round.rules.propagation, round.rules.merge, scene.geometry.cloud
+    if rules is None:
+        return labels
+    limit = None if cloud.colors is None else rules.max_color
+    regions = scene.geometry.regions.labels
+    if scene.previous is not None and merging.demote_margin is None:
+        if limit is None:
+            return labels
+        left_out = _in_annotated_regions(scene, annotation) & (scene.previous.semantic < 0)
+        return _ask_network(labels, scene, left_out, merging.gamma)
+    asked = mixed_regions(regions, annotation.semantic) if limit is None else None
+    seeds = nearest_seeds(cloud, regions, annotation.semantic, asked)
+    own = nearest_classes(regions, annotation.semantic, seeds)
+    labels = labels.overlay(own >= 0, own, labels.confidence)
+    if cloud.colors is None or limit is None:
+        return labels
+    return _ask_network(labels, scene, differs_from_seed(cloud.colors, seeds, limit), merging.gamma)
+
+
+def _in_annotated_regions(scene: SceneInputs, annotation: PointAnnotation) -> Bool[np.ndarray, ' points']:
+    """Points of regions with an annotated point."""
+    regions = scene.geometry.regions
+    annotated = np.zeros(len(regions) + 1, dtype=bool)
+    annotated[regions.labels[annotation.known]] = True
+    annotated[-1] = False
+    return annotated[regions.labels]
+
+
+def _ask_network(
+    labels: LabelAssembly, scene: SceneInputs, points: Bool[np.ndarray, ' points'], gamma: float
+) -> LabelAssembly:
+    """Nothing but the network names these points, those of each region together."""
+    labels = labels.overlay(points, UNLABELLED, 0.0)
+    if scene.probabilities is None:
+        return labels
+    parts = confident_parts(scene.probabilities, scene.geometry.regions.labels, points, gamma)
+    return labels.overlay(points, *parts)

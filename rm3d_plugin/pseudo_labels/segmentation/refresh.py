@@ -1,207 +1,165 @@
 """One scene in, point labels out: merge its regions, and extend what is known of it (METHOD 1)."""
 
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.pseudo_labels.common.annotated import AnnotatedLabels, Truth, known_points
+from rm3d_plugin.pseudo_labels.common.annotated import PointAnnotation, annotated_points
 from rm3d_plugin.pseudo_labels.common.assembly import (
-    Draft,
     Grouped,
-    apply_quota,
-    check_rows,
-    draft_of,
     group_regions,
     keep_previous,
-    overlay,
+    labels_of_groups,
+    limit_new_labels,
+    pool_predictions,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.common.groups import confident_parts, nearest_instances, point_values
+from rm3d_plugin.pseudo_labels.common.groups import Pooled, nearest_instances, point_values
+from rm3d_plugin.pseudo_labels.common.inputs import RoundContext, SceneInputs
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult, refresh_stats
-from rm3d_plugin.pseudo_labels.ground.labels import LevelLabels, level_labels, level_regions
+from rm3d_plugin.pseudo_labels.ground.labels import GroundLabels, ground_regions, nearest_ground_labels
+from rm3d_plugin.pseudo_labels.ground.rules import GroundRules
+from rm3d_plugin.pseudo_labels.region_prior.prior import with_prior
 from rm3d_plugin.pseudo_labels.segmentation.propagation import (
-    mixed_regions,
-    nearest_seeds,
-    nearest_true_classes,
-    quiet_seeds,
-    unlike_seed,
+    name_single_points,
+    named_one_by_one,
+    seeds_of_long_regions,
 )
-from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.pseudo_labels.segmentation.rules import SegmentationRules
 from rm3d_plugin.regions.features import region_lengths
-from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, RegionGraph, Regions
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
 
 
-def refresh_points(
-    prepared_cloud: PointCloud,
-    regions: Regions,
-    graph: RegionGraph,
-    annotated: AnnotatedLabels,
-    probabilities: Float[np.ndarray, 'points classes'] | None,
-    centers: Float[np.ndarray, 'points 3'] | None,
-    previous: PseudoLabels | None,
-    strategy: MergeStrategy,
-    round: int,
-    class_counts: Int[np.ndarray, ' classes'],
-    thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...] = (),
-    class_lengths: Float[np.ndarray, ' classes'] | None = None,
-    prior: Float[np.ndarray, 'regions classes'] | None = None,
-    ground: LevelLabels | None = None,
+@dataclass(frozen=True, eq=False)
+class SceneKnowledge:
+    """What all scenes together tell of one, where the rules ask for it.
+
+    Attributes:
+        class_lengths: (C,) metres, how long the region of an annotated point of each class usually is, for
+            ``PropagationRules.max_extent``; NaN where unknown.
+        prior: (R, C) what the regions may be, see :mod:`~rm3d_plugin.pseudo_labels.region_prior.prior`; None: the
+            network alone is asked.
+        ground: What the points of the ground are, where a classifier names them.
+    """
+
+    class_lengths: Float[np.ndarray, ' classes'] | None = None
+    prior: Float[np.ndarray, 'regions classes'] | None = None
+    ground: GroundLabels | None = None
+
+
+def refresh_segmentation(
+    scene: SceneInputs, round: RoundContext[SegmentationRules], knowledge: SceneKnowledge | None = None
 ) -> RefreshResult:
     """Point labels of one scene of a segmentation run: classes and instances, no boxes.
 
-    A group that holds annotated points takes their majority class (or each point of a region with several classes takes
-    that of a near one, see ``strategy.mixed_regions``; points of quite another colour may be left out, see
-    ``strategy.spread_color``, and what is said of a region too long for its class, see
-    ``strategy.spread_extent``), and each of its points the instance of the nearest of them.
-    On level regions the nearest annotated points, later with the network, name each point, and not the region
-    (``strategy.level_regions``), or ``ground`` does.
-    Other groups take the class that the network (and the ``prior``) gives them with confidence, and are one instance
-    each, or none (``strategy.new_instances``).
+    A group that holds annotated points takes their majority class, as far as :class:`PropagationRules` let them speak
+    for it, and each of its points the instance of the nearest of them. Points of the ground are named one by one
+    (:class:`GroundRules`). Other groups take the class that the network (and the region prior) gives them with
+    confidence.
 
     Args:
-        prepared_cloud: Points of the scene, metres.
-        regions: Partition of the same points.
-        graph: Features and edges of the regions.
-        annotated: What the budget shows; instances are any numbers >= 0.
-        probabilities: (N, C) softmax; NaN or zero rows where the network saw nothing; None in the first round.
-        centers: (N, 3) shifted points (voted instance centres), metres, or None.
-        previous: Labels of the last round, or None.
-        strategy: Thresholds and schedule.
-        round: 0 .. strategy.rounds.
-        class_counts: (C,) annotated points of each class; its length is the number of classes.
-        thing_classes: Classes that have instances.
-        class_lengths: (C,) metres, how long the region of an annotated point of each class usually is, for
-            ``strategy.spread_extent``; NaN where unknown.
-        prior: (R, C) what the regions may be by looks and place, with which the softmax is multiplied; in the first
-            round it stands alone. None: the network alone is asked. See
-            :mod:`~rm3d_plugin.pseudo_labels.region_prior.prior`.
-        ground: What the points of level regions are, where it is known by their looks.
-
-    Raises:
-        ValueError: A row count does not fit.
+        scene: Geometry, annotated labels, prediction and the labels of the last round.
+        round: Rules and schedule.
+        knowledge: What all scenes together tell of this one.
     """
-    xyz = prepared_cloud.xyz
-    check_rows(len(xyz), regions=regions.labels, annotated=annotated)
-    truth = known_points(annotated)
-    counts = np.asarray(class_counts)
-    spread = _that_spread(truth, regions, graph, class_lengths, strategy)
-    level = point_values(level_regions(graph, strategy.level_regions), regions.labels, False)
-    if ground is None:
-        level &= bool((level & (spread.semantic >= 0)).any())
-        ground = level_labels(xyz, level, spread.semantic, probabilities, strategy.level_reach)
-    spread = _silent(spread, level)
-    grouped = group_regions(
-        prepared_cloud, regions, graph, spread, probabilities, centers, strategy, round, counts, None, prior
-    )
-    grouped = apply_quota(grouped, strategy, round)
-    draft = draft_of(grouped)
-    draft = _near_and_alike(draft, prepared_cloud, regions, spread, probabilities, previous, strategy)
-    draft = overlay(draft, level, UNLABELLED, 0.0)  # their points are named one by one
-    draft = keep_previous(draft, previous, supported_points(previous, grouped, strategy))
-    draft = overlay(draft, ground.classes >= 0, *ground)
-    draft = overlay(draft, truth.semantic >= 0, truth.semantic, 1.0)
-    instance = _point_instances(xyz, draft.semantic, grouped, truth, thing_classes, strategy.new_instances)
-    labels = PseudoLabels(
-        semantic=draft.semantic,
+    knowledge = knowledge or SceneKnowledge()
+    annotated = annotated_points(scene.annotated)
+    speaking = _that_name_regions(scene, round, annotated, knowledge)
+    ground = _ground(scene, speaking, knowledge.ground, round.rules.ground)
+    speaking = speaking.without(ground.points)
+
+    grouped = group_regions(scene, round, speaking, _likely_classes(scene, round, knowledge.prior))
+    grouped = limit_new_labels(_with_named_regions(grouped, scene, round, ground), round)
+    labels = name_single_points(labels_of_groups(grouped), scene, round, speaking)
+    labels = labels.overlay(ground.points, UNLABELLED, 0.0)
+    labels = keep_previous(labels, scene.previous, supported_points(scene.previous, grouped, round.rules.merge))
+    labels = labels.overlay(ground.labels.classes >= 0, *ground.labels)
+    labels = labels.overlay(annotated.known, annotated.semantic, 1.0)
+    instance = _instances(scene, round, annotated, grouped, labels.semantic)
+    finished = PseudoLabels(
+        semantic=labels.semantic,
         instance=instance,
-        point_is_annotated=truth.semantic >= 0,
-        confidence=draft.confidence,
+        point_is_annotated=annotated.known,
+        confidence=labels.confidence,
         boxes=Boxes3D.empty(),
         box_is_annotated=np.zeros(0, dtype=bool),
-        complete=annotated.complete,
+        complete=scene.annotated.complete,
     )
-    return RefreshResult(labels, grouped.merge, refresh_stats(labels, grouped))
+    return RefreshResult(finished, grouped.with_record(), refresh_stats(finished, grouped))
 
 
-def _that_spread(
-    truth: Truth,
-    regions: Regions,
-    graph: RegionGraph,
-    class_lengths: Float[np.ndarray, ' classes'] | None,
-    strategy: MergeStrategy,
-) -> Truth:
-    """The truth without the points whose region is too long for their class: those speak for themselves alone."""
-    if strategy.spread_extent is None or class_lengths is None:
-        return truth
-    lengths = region_lengths(graph)
-    quiet = quiet_seeds(regions.labels, truth.semantic, lengths, class_lengths, strategy.spread_extent)
-    return _silent(truth, quiet)
+def _that_name_regions(
+    scene: SceneInputs, round: RoundContext[SegmentationRules], annotated: PointAnnotation, knowledge: SceneKnowledge
+) -> PointAnnotation:
+    """The annotation without the points whose region is too long for their class: those name themselves alone."""
+    rules = round.rules.propagation
+    if rules is None or rules.max_extent is None or knowledge.class_lengths is None:
+        return annotated
+    lengths, regions = region_lengths(scene.geometry.graph), scene.geometry.regions.labels
+    long = seeds_of_long_regions(regions, annotated.semantic, lengths, knowledge.class_lengths * rules.max_extent)
+    return annotated.without(long)
 
 
-def _silent(truth: Truth, points: Bool[np.ndarray, ' points']) -> Truth:
-    """The truth without these points."""
-    semantic = np.where(points, UNLABELLED, truth.semantic)
-    return truth._replace(semantic=semantic, instance=np.where(points, -1, truth.instance), seeds=semantic)
+class _Ground(NamedTuple):
+    """Regions and points of the ground, and their labels."""
+
+    regions: Bool[np.ndarray, ' regions']
+    points: Bool[np.ndarray, ' points']
+    labels: GroundLabels
 
 
-def _near_and_alike(
-    draft: Draft,
-    cloud: PointCloud,
-    regions: Regions,
-    truth: Truth,
-    probabilities: Float[np.ndarray, 'points classes'] | None,
-    previous: PseudoLabels | None,
-    strategy: MergeStrategy,
-) -> Draft:
-    """What the annotated points of a region say of its points one by one, where the strategy asks for that.
-
-    They say the same in every round, so where labels stay only the points that they left out are asked for again.
-    """
-    colors = cloud.colors
-    limit = None if colors is None else strategy.spread_color
-    if strategy.mixed_regions == 'majority' and limit is None:
-        return draft
-    if previous is not None and strategy.permanent:
-        if limit is None:
-            return draft
-        left_out = _seeded_points(regions, truth) & (previous.semantic < 0)
-        return _ask_network(draft, regions, left_out, probabilities, strategy.gamma)
-    asked = mixed_regions(regions.labels, truth.semantic) if limit is None else None
-    places = (strategy.near_place, strategy.near_color)
-    seeds = nearest_seeds(cloud.xyz, colors, regions.labels, truth.semantic, *places, asked)
-    if strategy.mixed_regions == 'nearest':
-        own = nearest_true_classes(regions.labels, truth.semantic, seeds)
-        draft = overlay(draft, own >= 0, own, draft.confidence)
-    if colors is None or limit is None:
-        return draft
-    return _ask_network(draft, regions, unlike_seed(colors, seeds, limit), probabilities, strategy.gamma)
+def _ground(
+    scene: SceneInputs, speaking: PointAnnotation, known: GroundLabels | None, rules: GroundRules | None
+) -> _Ground:
+    """What is ground, and what its points are: as a classifier has it, else by the nearest annotated ones."""
+    regions = ground_regions(scene.geometry.graph, None if rules is None else rules.min_upright)
+    points = point_values(regions, scene.geometry.regions.labels, False)
+    if known is not None:
+        return _Ground(regions, points, known)
+    if not (points & speaking.known).any():  # nobody names them: they belong to their groups
+        regions, points = np.zeros_like(regions), np.zeros_like(points)
+    limit = None if rules is None else rules.max_distance
+    return _Ground(
+        regions, points, nearest_ground_labels(scene.xyz, points, speaking.semantic, scene.probabilities, limit)
+    )
 
 
-def _seeded_points(regions: Regions, truth: Truth) -> Bool[np.ndarray, ' points']:
-    """Points of regions with an annotated point."""
-    seeded = np.zeros(len(regions) + 1, dtype=bool)
-    seeded[regions.labels[truth.semantic >= 0]] = True
-    seeded[-1] = False
-    return seeded[regions.labels]
+def _likely_classes(
+    scene: SceneInputs, round: RoundContext[SegmentationRules], prior: Float[np.ndarray, 'regions classes'] | None
+) -> Pooled:
+    """What the regions are likely to be: the network's word, the prior's, or both."""
+    pooled, rules = pool_predictions(scene, round), round.rules.region_prior
+    if prior is None or rules is None:
+        return pooled
+    if scene.prediction is None:
+        return Pooled(prior, scene.geometry.regions.sizes)
+    return with_prior(pooled, prior, rules.inverse_temperature)
 
 
-def _ask_network(
-    draft: Draft,
-    regions: Regions,
-    points: Bool[np.ndarray, ' points'],
-    probabilities: Float[np.ndarray, 'points classes'] | None,
-    gamma: float,
-) -> Draft:
-    """Nothing but the network names these points, those of each region together."""
-    draft = overlay(draft, points, UNLABELLED, 0.0)
-    if probabilities is None:
-        return draft
-    return overlay(draft, points, *confident_parts(probabilities, regions.labels, points, gamma))
+def _with_named_regions(
+    grouped: Grouped, scene: SceneInputs, round: RoundContext[SegmentationRules], ground: _Ground
+) -> Grouped:
+    """Put on record which regions' points are named one by one."""
+    colored = scene.geometry.cloud.colors is not None
+    named = named_one_by_one(grouped.record.votes, round.rules.propagation, colored) | ground.regions
+    return grouped._replace(record=replace(grouped.record, named=named))
 
 
-def _point_instances(
-    xyz: Float[np.ndarray, 'points 3'],
-    semantic: Int[np.ndarray, ' points'],
+def _instances(
+    scene: SceneInputs,
+    round: RoundContext[SegmentationRules],
+    annotated: PointAnnotation,
     grouped: Grouped,
-    truth: Truth,
-    thing_classes: Int[np.ndarray, ' things'] | tuple[int, ...],
-    new_instances: bool,
+    semantic: Int[np.ndarray, ' points'],
 ) -> Int[np.ndarray, ' points']:
-    """True instances spread to their group; a group without any may be a new instance, numbered after the true ones."""
-    thing = np.isin(semantic, np.asarray(thing_classes, dtype=np.int64))
-    spread = nearest_instances(xyz, grouped.points, semantic, truth.semantic, truth.instance)
-    first = int(truth.instance.max(initial=-1)) + 1
-    fresh = thing & (spread < 0) & (grouped.points >= 0) & new_instances
-    _, number = np.unique(np.stack([grouped.points, semantic], axis=1)[fresh], axis=0, return_inverse=True)
-    spread[fresh] = first + number.reshape(-1)
-    instance = np.where(thing, spread, -1)
-    return np.where(truth.semantic >= 0, truth.instance, instance).astype(np.int64)
+    """Annotated instances propagate in their group; a group without any may be a new one, numbered after those."""
+    thing = np.isin(semantic, np.asarray(round.thing_classes, dtype=np.int64))
+    found = nearest_instances(scene.xyz, grouped.points, semantic, annotated.semantic, annotated.instance)
+    if round.rules.propagation is None or round.rules.propagation.new_instances:
+        fresh = thing & (found < 0) & (grouped.points >= 0)
+        _, number = np.unique(np.stack([grouped.points, semantic], axis=1)[fresh], axis=0, return_inverse=True)
+        found[fresh] = int(annotated.instance.max(initial=-1)) + 1 + number.reshape(-1)
+    instance = np.where(thing, found, -1)
+    return np.where(annotated.known, annotated.instance, instance).astype(np.int64)

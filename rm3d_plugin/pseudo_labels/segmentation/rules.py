@@ -1,11 +1,11 @@
 """Every rule of a segmentation run's labels: the paper's alone, or with ours."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
-from rm3d_plugin.pseudo_labels.common.strategy import Strategy, is_paper, optional_rules
+from rm3d_plugin.pseudo_labels.common.strategy import Strategy, is_paper, optional_rules, with_gamma
 from rm3d_plugin.pseudo_labels.ground.rules import GroundRules
 from rm3d_plugin.pseudo_labels.region_prior.rules import RegionPriorRules
 from rm3d_plugin.pseudo_labels.segmentation.propagation import PropagationRules
@@ -45,7 +45,8 @@ def segmentation_rules(
         strategy: 'paper': ``merge`` alone, the method as METHOD 6 has it; the rest is not read. 'default': all.
         merge: Fields of :class:`~rm3d_plugin.regions.MergeRules`.
         propagation: Fields of :class:`PropagationRules`, or None; as the rest.
-        region_prior: Fields of :class:`RegionPriorRules`. Its ``gamma`` takes the place of that of ``merge``.
+        region_prior: Fields of :class:`RegionPriorRules`. Its ``gamma`` takes the place of that of
+            ``merge``, which is then left out.
         ground: Fields of :class:`GroundRules`.
         self_training: Fields of :class:`SelfTrainingRules`.
 
@@ -56,10 +57,9 @@ def segmentation_rules(
     if is_paper(strategy):
         return SegmentationRules(merging)
     prior = optional_rules(RegionPriorRules, region_prior)
-    if prior is not None and prior.gamma is not None:
-        merging = replace(merging, gamma=prior.gamma)
+    gamma = None if prior is None else prior.gamma
     return SegmentationRules(
-        merging,
+        with_gamma(merging, merge, gamma, 'RegionPriorRules.gamma'),
         optional_rules(PropagationRules, propagation),
         prior,
         optional_rules(GroundRules, ground),

@@ -3,15 +3,21 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.pseudo_labels.common.annotated import AnnotatedLabels, Truth, known_by_boxes, known_regions
+from rm3d_plugin.pseudo_labels.common.annotated import (
+    AnnotatedLabels,
+    PointAnnotation,
+    annotated_regions,
+    points_of_boxes,
+)
 from rm3d_plugin.pseudo_labels.common.groups import (
+    count_votes,
     label_groups,
     majority,
     nearest_instances,
     pool_rows,
     seen_rows,
-    split_mixed,
 )
+from rm3d_plugin.pseudo_labels.detection.parts import PartLimits, split_mixed
 from rm3d_plugin.structures import Boxes3D, Regions
 
 NAN = np.full(2, np.nan)
@@ -46,20 +52,20 @@ def test_rules_a_b_c():
     regions = Regions(np.array([0, 0, 1, 2, 2, 3, -1]))
     rows = np.array([[0.1, 0.9]] * 2 + [[0.9, 0.1]] + [[0.7, 0.3]] * 2 + [[0.8, 0.2], [1, 0]])
     pooled = pool_rows(rows, seen_rows(rows), regions.labels, 4)
-    truth = np.array([0, -1, -1, -1, -1, -1, -1])
-    out = label_groups(np.array([0, 1, 1, 2]), pooled, regions.labels, truth, np.array([1, 1]), 0.75)
+    votes = count_votes(np.array([0, -1, -1, -1, -1, -1, -1]), regions.labels, 4, 2)
+    out = label_groups(np.array([0, 1, 1, 2]), pooled, votes, np.array([1, 1]), 0.75)
     # (a) truth beats a confident prediction; (b) (.9 + 2 * .7) / 3 = .767; and .8
     assert out.classes.tolist() == [0, 0, 0]
     assert out.confidence == pytest.approx([1.0, 2.3 / 3, 0.8])
     assert out.from_annotation.tolist() == [True, False, False]
-    stricter = label_groups(np.array([0, 1, 1, 2]), pooled, regions.labels, truth, np.array([1, 1]), 0.78)
+    stricter = label_groups(np.array([0, 1, 1, 2]), pooled, votes, np.array([1, 1]), 0.78)
     assert stricter.classes.tolist() == [0, -1, 0]
     assert stricter.confidence[1] == 0
 
 
 def test_nothing_seen_is_nothing_labelled():
     pooled = pool_rows(np.full((2, 2), np.nan), np.zeros(2, bool), np.array([0, 1]), 2)
-    out = label_groups(np.array([0, 1]), pooled, np.array([0, 1]), np.full(2, -1), np.array([1, 1]), 0.1)
+    out = label_groups(np.array([0, 1]), pooled, np.zeros((2, 2), int), np.array([1, 1]), 0.1)
     assert out.classes.tolist() == [-1, -1]
     assert np.isnan(out.probabilities).all()
 
@@ -77,13 +83,13 @@ def test_a_confident_part_is_cut_out_of_a_mixed_region():
     rows[:4] = [0.9, 0.1]  # half of region 0: its mean is sure of nothing
     rows[8:10] = [0.9, 0.1]  # too few of region 1
     pooled = pool_rows(rows, seen_rows(rows), region, 2)
-    groups = label_groups(np.array([0, 1]), pooled, region, np.full(16, -1), np.array([1, 1]), 0.7)
+    groups = label_groups(np.array([0, 1]), pooled, np.zeros((2, 2), int), np.array([1, 1]), 0.7)
     assert groups.classes.tolist() == [-1, 1]
-    more, points = split_mixed(groups, region.copy(), region, rows, 0.7, 0.3, 3)
+    more, points = split_mixed(groups, region.copy(), region, rows, PartLimits(0.7, 0.3, 3))
     assert more.classes.tolist() == [-1, 1, 0, 1]
     assert points.tolist() == [2] * 4 + [3] * 4 + [1] * 8
     assert more.confidence[2:] == pytest.approx([0.9, 0.9])
-    same, unmoved = split_mixed(groups, region.copy(), region, rows, 0.95, 0.3, 3)
+    same, unmoved = split_mixed(groups, region.copy(), region, rows, PartLimits(0.95, 0.3, 3))
     assert same.classes.tolist() == [-1, 1] and unmoved.tolist() == region.tolist()
 
 
@@ -91,12 +97,12 @@ def test_a_box_tells_exactly_which_points_are_its_object():
     xyz = np.array([[0.0, 0, 0], [0.9, 0, 0], [1.2, 0, 0], [1.4, 0, 0], [9, 9, 9]])
     box = Boxes3D(np.array([[0, 0, 0, 2, 2, 2, 0.0]]), np.array([1]))
     annotated = AnnotatedLabels(np.full(5, -1), np.full(5, -1), box)
-    truth = known_by_boxes(xyz, annotated, 3)
+    truth = points_of_boxes(xyz, annotated, 3)
     assert truth.semantic.tolist() == [1, 1, -1, -1, -1]
     assert truth.instance.tolist() == [0, 0, -1, -1, -1]
     assert truth.shell.tolist() == [False, False, True, False, False]
     assert truth.seeds.tolist() == [-1] * 5
-    complete = known_by_boxes(xyz, AnnotatedLabels(annotated.semantic, annotated.instance, box, complete=True), 3)
+    complete = points_of_boxes(xyz, AnnotatedLabels(annotated.semantic, annotated.instance, box, complete=True), 3)
     assert complete.semantic.tolist() == [1, 1, 3, 3, 3]
     assert not complete.shell.any()
 
@@ -106,7 +112,7 @@ def test_a_region_is_named_by_a_box_that_holds_most_of_it_or_by_any_seed():
     semantic = np.array([1, 1, -1, 1, -1, -1, 2, -1, -1])
     instance = np.array([0, 0, -1, 0, -1, -1, -1, -1, -1])
     seeds = np.array([-1] * 6 + [2, -1, -1])
-    known = known_regions(regions, Truth(semantic, instance, seeds, np.zeros(9, bool)), 0.5)
+    known = annotated_regions(regions, PointAnnotation(semantic, instance, seeds, np.zeros(9, bool)), 0.5)
     assert known.labels.tolist() == [1, -1, 2]
     assert known.instances.tolist() == [0, -1, -1]
 

@@ -7,7 +7,7 @@ from rm3d_plugin.pseudo_labels.common import kernel_classifier as kernels
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import (
     class_prior_em,
     evenly_chosen,
-    fit_kernel_classes,
+    fit_kernel_classifier,
     normalised,
     scaling_of,
 )
@@ -47,7 +47,7 @@ def test_as_by_hand_and_near_the_right_class():
     examples, classes = blobs([12, 5, 8])
     rows, own = blobs([300, 20, 100], seed=1)
     numbers = np.array([2, 5, 6])  # classes 0, 1, 3 and 4 have no example
-    model = fit_kernel_classes(examples, numbers[classes], scaling_of(rows), LENGTH)
+    model = fit_kernel_classifier(examples, numbers[classes], scaling_of(rows), LENGTH)
     shares = model.shares(rows, 8)
     np.testing.assert_allclose(shares[:, numbers], by_hand(model, examples, numbers[classes], rows), atol=1e-5)
     assert (np.delete(shares, numbers, axis=1) == 0).all() and shares.sum(axis=1) == pytest.approx(1.0)
@@ -59,7 +59,7 @@ def test_as_by_hand_and_near_the_right_class():
 def test_rows_of_many_blocks_are_those_of_one(monkeypatch):
     examples, classes = blobs([5, 5, 5])
     rows, _ = blobs([40, 30, 30], seed=2)
-    model = fit_kernel_classes(examples, classes, scaling_of(rows), LENGTH)
+    model = fit_kernel_classifier(examples, classes, scaling_of(rows), LENGTH)
     wanted = model.shares(rows, 3)
     monkeypatch.setattr(kernels, '_CHUNK', 7)
     np.testing.assert_allclose(model.shares(rows, 3), wanted, atol=1e-6)
@@ -70,7 +70,7 @@ def test_sharpness_is_what_suits_examples_that_are_left_out():
     """The closed form says of each example what a fit without it says; the sharpness is the likeliest of those."""
     examples, classes = blobs([7, 4, 6], spread=2.0)
     scaling = scaling_of(examples)
-    model = fit_kernel_classes(examples, classes, scaling, LENGTH)
+    model = fit_kernel_classifier(examples, classes, scaling, LENGTH)
     counts = np.bincount(classes)
     noise = kernels.NOISE * (counts / counts.max())[classes]
     scaled = scaling.apply(examples).astype(float)
@@ -124,10 +124,10 @@ def test_examples_are_spread_over_those_there_are():
 def test_columns_that_never_change_and_single_examples():
     rows, own = blobs([30, 30, 30])
     padded = np.c_[rows, np.full(90, 7.0)]
-    plain = fit_kernel_classes(rows[::9], own[::9], scaling_of(rows), LENGTH)
-    wide = fit_kernel_classes(padded[::9], own[::9], scaling_of(padded), LENGTH)
+    plain = fit_kernel_classifier(rows[::9], own[::9], scaling_of(rows), LENGTH)
+    wide = fit_kernel_classifier(padded[::9], own[::9], scaling_of(padded), LENGTH)
     np.testing.assert_allclose(wide.shares(padded, 3), plain.shares(rows, 3), atol=1e-6)
-    one = fit_kernel_classes(rows[:1], own[:1], scaling_of(rows), LENGTH)
+    one = fit_kernel_classifier(rows[:1], own[:1], scaling_of(rows), LENGTH)
     assert (one.shares(rows, 3) == [1.0, 0.0, 0.0]).all()
     with pytest.raises(ValueError, match='at least one labelled row'):
-        fit_kernel_classes(rows[:0], own[:0], scaling_of(rows), LENGTH)
+        fit_kernel_classifier(rows[:0], own[:0], scaling_of(rows), LENGTH)

@@ -87,15 +87,15 @@ def test_tight_boxes():
 
 def test_yaw_lies_in_a_half_turn():
     for yaw in np.linspace(-3, 3, 13):
-        fitted = pb.fit_yaw(faces(np.array([10.0, 4.0, 0, *CAR, yaw]))[:, :2], (3.9, 1.6))
+        fitted = fit_footprint(faces(np.array([10.0, 4.0, 0, *CAR, yaw]))[:, :2], (3.9, 1.6)).yaw
         assert -np.pi / 2 <= fitted < np.pi / 2
         assert np.sin(fitted - yaw) == pytest.approx(0, abs=0.02)
 
 
-def test_size_priors_are_medians():
+def test_sizes_are_medians():
     boxes = np.zeros((4, 7))
     boxes[:, 3:6] = [[4, 2, 1], [5, 2, 1], [9, 2, 1], [1, 1, 2]]
-    priors = pb.size_priors(boxes, np.array([0, 0, 0, 2]), 3)
+    priors = pb.median_sizes(boxes, np.array([0, 0, 0, 2]), 3)
     assert priors[0].tolist() == [5, 2, 1]
     assert np.isnan(priors[1]).all()
     assert priors[2].tolist() == [1, 1, 2]

@@ -9,8 +9,18 @@ from rm3d_plugin.descriptors.adapted_pfh import AdaptedPFH
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.oversegmentation.region_growing import RegionGrowing
-from rm3d_plugin.pseudo_labels import AnnotatedLabels, SceneTruth, pseudo_report, refresh_detection
-from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.pseudo_labels import (
+    AnnotatedLabels,
+    DetectionRules,
+    ObjectKnowledge,
+    PointPrediction,
+    RoundContext,
+    SceneInputs,
+    SceneTruth,
+    pseudo_report,
+    refresh_detection,
+)
+from rm3d_plugin.regions import MergeRules
 from rm3d_plugin.regions.prepare import prepare_scene
 from rm3d_plugin.structures import PointCloud
 
@@ -31,7 +41,7 @@ def seen_boxes(folder, name, xyz):
 def test_right_predictions_become_good_boxes(real_data):
     """57 objects with five points or more; measured: 27 of 32 cars, 17 of 21 people, all 4 cyclists, 2 wrong boxes."""
     rng = np.random.default_rng(0)
-    strategy = MergeStrategy(centre_distance=(1.2, 0.5, 0.7, None))
+    rules = DetectionRules(MergeRules(centre_distance=(1.2, 0.5, 0.7, None)))
     scenes = []
     for name in frames(real_data):
         frame = read_frame(real_data, name)
@@ -47,20 +57,11 @@ def test_right_predictions_become_good_boxes(real_data):
         votes += rng.normal(scale=0.2, size=xyz.shape)
         previous = None
         for number in (0, 1, 8):
-            previous = refresh_detection(
-                scene.cloud,
-                scene.regions,
-                scene.graph,
-                AnnotatedLabels.nothing(len(xyz)),
-                rows if number else None,
-                votes if number else None,
-                previous,
-                strategy,
-                number,
-                SIZES,
-                np.array([10, 2, 2]),
-                segment_ground(xyz).height,
-            ).labels
+            prediction = PointPrediction(rows, votes) if number else None
+            known = SceneInputs(scene, AnnotatedLabels.nothing(len(xyz)), prediction, previous)
+            context = RoundContext(number, rules, np.array([10, 2, 2]))
+            objects = ObjectKnowledge(SIZES, segment_ground(xyz).height)
+            previous = refresh_detection(known, context, objects).labels
         scenes.append((previous, SceneTruth(truth, boxes, np.hypot(xyz[:, 0], xyz[:, 1]))))
     report = pseudo_report(scenes, (*CLASSES, 'background'), (0.5, 0.25, 0.25), 'bev').as_dict()
     assert report['coverage'] > 0.95 and report['precision'] > 0.98

@@ -5,10 +5,19 @@ import pytest
 
 from rm3d_plugin.pseudo_labels import ObjectRules
 from rm3d_plugin.pseudo_labels.common.groups import GroupLabels
-from rm3d_plugin.pseudo_labels.detection.objects import NO_EVIDENCE, Evidence, PointVotes, find_objects, score_limits
+from rm3d_plugin.pseudo_labels.detection.objects import (
+    NO_EVIDENCE,
+    Evidence,
+    ObjectContext,
+    PointGroups,
+    PointVotes,
+    find_objects,
+    score_limits,
+)
+from rm3d_plugin.pseudo_labels.detection.rules import AS_PRINTED
 from rm3d_plugin.structures import Boxes3D
 
-PRIORS = np.array([[4.0, 1.6, 1.5], [0.8, 0.6, 1.7]])
+SIZES = np.array([[4.0, 1.6, 1.5], [0.8, 0.6, 1.7]])
 CAR_AT, PERSON_AT = (10.0, 0.0), (8.0, 6.0)
 
 
@@ -31,14 +40,13 @@ def scene(person_height=1.7):
 def find(rules, evidence=NO_EVIDENCE, person_height=1.7):
     xyz, owner, groups = scene(person_height)
     votes = PointVotes(owner, None)
-    ground = np.zeros(len(xyz))
-    found = find_objects(xyz, owner, groups, Boxes3D.empty(), PRIORS, ground, (0.0, 0.0), None, votes, rules, evidence)
-    return found, owner
+    context = ObjectContext(xyz, SIZES, np.zeros(len(xyz)), (0.0, 0.0), votes, rules)
+    return find_objects(context, PointGroups(owner, groups), Boxes3D.empty(), evidence=evidence), owner
 
 
 def detections(*rows):
     """Predicted boxes from (class, place, score)."""
-    boxes = [[*place, PRIORS[c][2] / 2, *PRIORS[c], 0.0] for c, place, _ in rows]
+    boxes = [[*place, SIZES[c][2] / 2, *SIZES[c], 0.0] for c, place, _ in rows]
     return Boxes3D(np.array(boxes).reshape(-1, 7), np.array([c for c, _, _ in rows]), np.array([s for _, _, s in rows]))
 
 
@@ -86,6 +94,17 @@ def test_limits_take_the_best_share_of_each_class():
     assert score_limits(found, 3, (0.4, 1.0), 9)[0] == pytest.approx(0.1)  # the last number holds
 
 
-def test_a_quota_is_a_share():
-    with pytest.raises(ValueError, match=r'ObjectRules\.quota'):
-        ObjectRules(quota=(0.0,))
+def test_boxes_as_printed_hug_the_points_along_the_axes_of_the_scene():
+    found, _ = find(AS_PRINTED, person_height=1.3)
+    np.testing.assert_allclose(found.boxes.tensor[:, 3:], [[4.0, 1.6, 1.5, 0.0], [0.8, 0.6, 1.3, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(found.boxes.tensor[:, :3], [[*CAR_AT, 0.75], [*PERSON_AT, 0.65]], atol=1e-6)
+    completed, _ = find(ObjectRules(), person_height=1.3)
+    assert completed.boxes.tensor[1, 5] == pytest.approx(1.7)  # as people usually are
+
+
+@pytest.mark.parametrize(
+    ('field', 'value'), [('top_fraction', (0.0,)), ('top_fraction', ()), ('box', 'round'), ('gamma', 1.5)]
+)
+def test_bad_rules_are_named(field, value):
+    with pytest.raises(ValueError, match=rf'ObjectRules\.{field}: expected'):
+        ObjectRules(**{field: value})

@@ -4,20 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pseudo_labels import refreshing
 from pseudo_labels.patches import make_patches
 
-from rm3d_plugin.pseudo_labels import refresh_points
-from rm3d_plugin.pseudo_labels.common.distance_prior import FADING
-from rm3d_plugin.pseudo_labels.common.sensor import UsualStrength, range_normalised_intensity
+from rm3d_plugin.pseudo_labels import GroundRules, SegmentationRules
+from rm3d_plugin.pseudo_labels.common.distance_prior import DECAY
+from rm3d_plugin.pseudo_labels.common.sensor import IntensityByRange, range_normalised_intensity
 from rm3d_plugin.pseudo_labels.ground import classifier as level_ground
-from rm3d_plugin.pseudo_labels.ground.classifier import ALONG, PLANE_STEP, survey_ground
-from rm3d_plugin.pseudo_labels.ground.features import CELL, SCALES, SIDES, level_looks
-from rm3d_plugin.pseudo_labels.ground.labels import FAR, LevelLabels
-from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.pseudo_labels.ground.classifier import ALONG, PLANE_STEP, learn_ground
+from rm3d_plugin.pseudo_labels.ground.features import CELL, SCALES, SIDES, ground_features
+from rm3d_plugin.pseudo_labels.ground.labels import FAR, GroundLabels
+from rm3d_plugin.regions import MergeRules
 from rm3d_plugin.structures import PointCloud
 
 ROAD, PAVEMENT, GRASS, POLE = range(4)
-USUAL = UsualStrength(np.array([5.0, 15.0]), np.array([0.4, 0.2]))
+USUAL = IntensityByRange(np.array([5.0, 15.0]), np.array([0.4, 0.2]))
 FIRST_SIDE = 3 + 3 * len(SCALES) + 3 + 1
 
 
@@ -67,7 +68,7 @@ def neighbours_slowly(xy, values, at, scale):
 @pytest.mark.parametrize('heading', [True, False])
 def test_columns_as_by_hand(heading):
     cloud, level, _ = street(0, points=600, slope=0.0)
-    rows, heights = level_looks(cloud, level, USUAL, heading)
+    rows, heights = ground_features(cloud, level, USUAL, heading)
     xyz = cloud.xyz[level].astype(float)
     assert rows.shape == (600, FIRST_SIDE + 4 * len(SIDES)) and np.isfinite(rows).all()
     ranges = np.linalg.norm(xyz, axis=1)
@@ -97,7 +98,7 @@ def test_the_sides_tell_on_which_side_of_a_kerb_a_point_lies():
     xy = rng.uniform([-10, -6], [10, 6], (20000, 2))
     z = np.where(np.abs(xy[:, 1]) > 4, 0.2, 0.0)  # kerbs 4 m to both sides
     cloud = PointCloud(np.c_[xy, z - 1.7].astype(np.float32), sensor=(0.0, 0.0, 0.0))
-    rows, _ = level_looks(cloud, np.ones(20000, dtype=bool), USUAL, True)
+    rows, _ = ground_features(cloud, np.ones(20000, dtype=bool), USUAL, True)
     out, back = rows[:, FIRST_SIDE + 4 * 2], rows[:, FIRST_SIDE + 4 * 2 + 2]  # 2.5 m outward and back: heights
     by_the_kerb = (np.abs(xy[:, 1]) > 2.5) & (np.abs(xy[:, 1]) < 3)
     behind = (np.abs(xy[:, 1]) > 4.8) & (np.abs(xy[:, 1]) < 5.2)
@@ -109,7 +110,7 @@ def test_the_sides_tell_on_which_side_of_a_kerb_a_point_lies():
 
 def test_heights_are_those_above_the_plane_of_most_points():
     cloud, level, _ = street(1, slope=0.1)
-    heights = level_looks(cloud, level, USUAL, True).heights
+    heights = ground_features(cloud, level, USUAL, True).heights
     middle = np.abs(cloud.xyz[:, 1]) < 3
     tilt = np.polyfit(cloud.xyz[middle & level, 0], heights[middle & level], 1)[0]
     assert abs(tilt) < 0.005 and heights[~level].max() == pytest.approx(3.7 - 0.5, abs=0.15)
@@ -135,7 +136,7 @@ def test_range_normalised_intensity_by_range():
 )
 def test_few_points_of_all_streets_name_the_ground_of_each(intensity, heading, least):
     made = streets(intensity=intensity)
-    known = survey_ground(lambda: [scene[:3] for scene in made], heading)
+    known = learn_ground(lambda: [scene[:3] for scene in made], heading)
     right = []
     for cloud, level, annotated, truth in made[:4]:
         found = known.labels(cloud, level, annotated, 4)
@@ -147,20 +148,20 @@ def test_few_points_of_all_streets_name_the_ground_of_each(intensity, heading, l
 
 def test_places_count_as_by_hand():
     made = streets(12)
-    known = survey_ground(lambda: [scene[:3] for scene in made], True)
+    known = learn_ground(lambda: [scene[:3] for scene in made], True)
     cloud, level, annotated, _ = made[3]
     annotated = np.where(annotated == GRASS, -1, annotated)  # nobody clicked grass in this scan
     found = known.labels(cloud, level, annotated, 4)
-    looks = level_looks(cloud, level, known.usual, True)
-    said = known.classes.shares(looks.rows, 4)
+    features = ground_features(cloud, level, known.usual, True)
+    said = known.classes.shares(features.rows, 4)
     said[:, :3] *= known.frequencies
     assert known.frequencies == pytest.approx([1 / 3, 1 / 4, 5 / 12], abs=0.04)  # of 24 m across
-    where = np.c_[cloud.xyz[:, 0] * ALONG, cloud.xyz[:, 1], looks.heights / PLANE_STEP]
+    where = np.c_[cloud.xyz[:, 0] * ALONG, cloud.xyz[:, 1], features.heights / PLANE_STEP]
     for i, row in list(enumerate(np.flatnonzero(level)))[::50]:
         worth = np.zeros(4)
         for c in (ROAD, PAVEMENT, POLE):
             gap = min(np.linalg.norm(where[row] - where[j]) for j in np.flatnonzero(annotated == c))
-            worth[c] = said[i, c] * (1 + min(gap, FAR)) ** -FADING
+            worth[c] = said[i, c] * (1 + min(gap, FAR)) ** -DECAY
         assert found.classes[row] == worth.argmax()
         assert found.confidence[row] == pytest.approx(worth.max() / worth.sum(), rel=1e-4)
     nobody = known.labels(cloud, level, np.full(len(level), -1), 4)
@@ -171,26 +172,23 @@ def test_places_count_as_by_hand():
 
 def test_too_few_points_teach_nothing_and_too_many_are_thinned(monkeypatch):
     made = [scene[:3] for scene in streets(4)]
-    assert survey_ground(lambda: made, True) is None  # 4 streets, 9 level points of each
-    assert survey_ground(list, True) is None
+    assert learn_ground(lambda: made, True) is None  # 4 streets, 9 level points of each
+    assert learn_ground(list, True) is None
     monkeypatch.setattr(level_ground, 'LEAST_EXAMPLES', 20)
     monkeypatch.setattr(level_ground, 'MOST_EXAMPLES', 5)
-    assert len(survey_ground(lambda: made, True).classes.rows) == 3 * 5
+    assert len(learn_ground(lambda: made, True).classes.rows) == 3 * 5
     monkeypatch.setattr(level_ground, 'MOST_GATHERED', 31)
-    assert len(survey_ground(lambda: made, True).classes.rows) == 3 * 5
+    assert len(learn_ground(lambda: made, True).classes.rows) == 3 * 5
 
 
 def test_what_the_ground_is_overrules_regions_but_no_annotated_point():
     patches = make_patches(1, share=0.05)
     patches.graph.normals[::2] = [1.0, 0, 0]  # every second patch stands upright
     level = np.array(patches.regions.labels) % 2 == 1
-    strategy = MergeStrategy(gamma=0.6, rounds=4, level_regions=0.9)
-    told = LevelLabels(np.where(level, 2, -1), np.where(level, 0.7, 0.0))
-    scene = (patches.cloud, patches.regions, patches.graph, patches.annotated)
-    labels = [
-        refresh_points(*scene, None, None, None, strategy, 0, patches.counts, (0,), ground=ground).labels
-        for ground in (told, None)
-    ]
+    rules = SegmentationRules(MergeRules(gamma=0.6, rounds=4), ground=GroundRules(min_upright=0.9))
+    told = GroundLabels(np.where(level, 2, -1), np.where(level, 0.7, 0.0))
+    scene = refreshing.inputs(patches)
+    labels = [refreshing.points(scene, rules, 0, patches.counts, (0,), ground=ground).labels for ground in (told, None)]
     known = patches.annotated.semantic >= 0
     assert (labels[0].semantic[level & ~known] == 2).all() and labels[0].confidence[level & ~known] == pytest.approx(
         0.7

@@ -4,15 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pseudo_labels import refreshing
 from pseudo_labels.patches import make_patches
 
-from rm3d_plugin.pseudo_labels import refresh_points
-from rm3d_plugin.pseudo_labels.common.distance_prior import FADING
-from rm3d_plugin.pseudo_labels.ground.labels import FAR, STEP, level_labels
-from rm3d_plugin.regions import MergeLedger, MergeStrategy
+from rm3d_plugin.pseudo_labels import GroundRules, SegmentationRules
+from rm3d_plugin.pseudo_labels.common.distance_prior import DECAY
+from rm3d_plugin.pseudo_labels.ground.labels import FAR, STEP, nearest_ground_labels
+from rm3d_plugin.regions import MergeLedger, MergeRules
 from rm3d_plugin.reporting.replay import decide_again
 
-STRATEGY = MergeStrategy(gamma=0.6, rounds=4, level_regions=0.9)
+RULES = SegmentationRules(MergeRules(gamma=0.6, rounds=4), ground=GroundRules(min_upright=0.9))
 
 
 def by_hand(xyz, level, truth, reach):
@@ -30,10 +31,10 @@ def test_as_by_hand(reach):
     rng = np.random.default_rng(0)
     xyz = rng.random((200, 3)) * [4, 4, 0.2]
     level, truth = rng.random(200) < 0.7, np.where(rng.random(200) < 0.1, rng.integers(0, 3, 200), -1)
-    found, sure = level_labels(xyz, level, truth, None, reach)
+    found, sure = nearest_ground_labels(xyz, level, truth, None, reach)
     assert found.tolist() == by_hand(xyz, level, truth, reach).tolist()
     assert (found >= 0).any() and sure.tolist() == (found >= 0).tolist()
-    assert (level_labels(xyz, level, np.full(200, -1), None, reach).classes == -1).all()
+    assert (nearest_ground_labels(xyz, level, np.full(200, -1), None, reach).classes == -1).all()
 
 
 def test_with_a_network_as_by_hand():
@@ -42,7 +43,7 @@ def test_with_a_network_as_by_hand():
     level, truth = rng.random(150) < 0.7, np.where(rng.random(150) < 0.1, rng.integers(0, 3, 150), -1)
     rows = rng.dirichlet(np.full(4, 0.3), 150)  # nobody annotated a point of class 3
     rows[::7] = np.nan
-    found, sure = level_labels(xyz, level, truth, rows, 0.1)  # the network knows what lies out of reach
+    found, sure = nearest_ground_labels(xyz, level, truth, rows, 0.1)  # the network knows what lies out of reach
     for i, row in enumerate(rows):
         if not level[i] or np.isnan(row).any():
             assert (found[i], sure[i]) == (-1, 0.0)
@@ -52,18 +53,18 @@ def test_with_a_network_as_by_hand():
             distance = min(
                 np.linalg.norm((xyz[i] - xyz[j]) / [1, 1, STEP]) for j in np.flatnonzero(level & (truth == c))
             )
-            said[c] = row[c] * (1 + min(distance, FAR)) ** -FADING
+            said[c] = row[c] * (1 + min(distance, FAR)) ** -DECAY
         assert found[i] == said.argmax() and sure[i] == pytest.approx(said.max() / said.sum())
     assert (found[level & (rows[:, :3].argmax(axis=1) != found)] >= 0).any()  # places had a say
-    blind = level_labels(xyz, level, truth, np.full((150, 4), np.nan), None)
+    blind = nearest_ground_labels(xyz, level, truth, np.full((150, 4), np.nan), None)
     assert (blind.classes == -1).all()
-    nobody = level_labels(xyz, level, np.full(150, -1), rows, None)
+    nobody = nearest_ground_labels(xyz, level, np.full(150, -1), rows, None)
     assert (nobody.classes == -1).all() and (nobody.confidence == 0).all()
 
 
-def refresh(patches, strategy, round=0, rows=None, previous=None):
-    scene = (patches.cloud, patches.regions, patches.graph, patches.annotated)
-    return refresh_points(*scene, rows, None, previous, strategy, round, patches.counts, (0,))
+def refresh(patches, rules, round=0, rows=None, previous=None):
+    scene = refreshing.inputs(patches, rows=rows, previous=previous)
+    return refreshing.points(scene, rules, round, patches.counts, (0,))
 
 
 @pytest.mark.parametrize('reach', [0.8, None])
@@ -71,17 +72,16 @@ def test_floor_and_upright_patches(reach):
     patches = make_patches(1, share=0.05)
     patches.graph.normals[::2] = [1.0, 0, 0]  # every second patch stands upright
     level = np.array(patches.regions.labels) % 2 == 1
-    strategy = replace(STRATEGY, level_reach=reach)
-    first = refresh(patches, strategy)
+    rules = replace(RULES, ground=GroundRules(min_upright=0.9, max_distance=reach))
+    first = refresh(patches, rules)
     near = by_hand(patches.cloud.xyz, level, patches.annotated.semantic, reach)
-    silent = replace(STRATEGY, level_regions=None)
-    plain = refresh(patches, silent).labels.semantic
+    plain = refresh(patches, replace(RULES, ground=None)).labels.semantic
     expected = np.where(level, near, plain)
     assert first.labels.semantic.tolist() == expected.tolist() and (expected != plain).any()
 
     rows = np.where(np.eye(3, dtype=bool)[patches.truth], 0.8, 0.1)
-    second = refresh(patches, strategy, 1, rows, first.labels)
-    together = level_labels(patches.cloud.xyz, level, patches.annotated.semantic, rows, reach).classes
+    second = refresh(patches, rules, 1, rows, first.labels)
+    together = nearest_ground_labels(patches.cloud.xyz, level, patches.annotated.semantic, rows, reach).classes
     known = patches.annotated.semantic >= 0
     wanted = np.where(known, patches.annotated.semantic, np.where(level, together, expected))
     assert second.labels.semantic[wanted >= 0].tolist() == wanted[wanted >= 0].tolist()
@@ -95,7 +95,9 @@ def test_floor_and_upright_patches(reach):
 
 
 def test_the_choices_are_checked():
-    with pytest.raises(ValueError, match=r'MergeStrategy\.level_regions'):
-        replace(STRATEGY, level_regions=1.5)
-    with pytest.raises(ValueError, match=r'MergeStrategy\.level_reach'):
-        replace(STRATEGY, level_reach=0.0)
+    with pytest.raises(ValueError, match=r'GroundRules\.min_upright: expected in \[0, 1\], got 1.5'):
+        GroundRules(min_upright=1.5)
+    with pytest.raises(ValueError, match=r'GroundRules\.max_distance: expected a number > 0, or None, got 0.0'):
+        GroundRules(max_distance=0.0)
+    with pytest.raises(ValueError, match=r"GroundRules\.classifier: expected one of \('nearest', 'kernel'\)"):
+        GroundRules(classifier='shape')

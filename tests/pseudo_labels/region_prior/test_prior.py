@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pseudo_labels import refreshing
 from pseudo_labels.patches import CLASSES, make_patches
 from pseudo_labels.region_graphs import make_graph, plain_examples
 
-from rm3d_plugin.pseudo_labels import refresh_points
-from rm3d_plugin.pseudo_labels.common.distance_prior import FADING, SAMPLE, annotated_distances, nearness
+from rm3d_plugin.pseudo_labels import RegionPriorRules, SegmentationRules
+from rm3d_plugin.pseudo_labels.common.distance_prior import DECAY, SAMPLE, annotated_distances, distance_prior
 from rm3d_plugin.pseudo_labels.common.groups import Pooled
-from rm3d_plugin.pseudo_labels.region_prior.features import looks_shares, region_looks
+from rm3d_plugin.pseudo_labels.region_prior.features import knn_class_prior, prior_features
 from rm3d_plugin.pseudo_labels.region_prior.prior import (
     OTHER_COLOR,
     classless_regions,
@@ -18,9 +19,9 @@ from rm3d_plugin.pseudo_labels.region_prior.prior import (
     region_prior,
     with_prior,
 )
-from rm3d_plugin.regions import MergeLedger, MergeStrategy
+from rm3d_plugin.regions import MergeLedger, MergeRules
 from rm3d_plugin.regions.prepare import PreparedScene
-from rm3d_plugin.reporting.replay import decide_again
+from rm3d_plugin.reporting.replay import ReplayRules, decide_again
 from rm3d_plugin.structures import PointCloud, Regions
 
 # ---------------------------------------------------------------------- place
@@ -53,14 +54,14 @@ def test_no_distances_without_regions():
 
 def test_nearness_by_hand():
     distance, lengths = np.array([[2.0, 3.0, np.inf]]), np.array([0.5, np.nan, 4.0])
-    by_length = nearness(distance, lengths, None)  # the unknown length is the median of the others, 2.25 m
+    by_length = distance_prior(distance, lengths, None)  # the unknown length is the median of the others, 2.25 m
     assert by_length == pytest.approx(np.array([[np.exp(-4) / 0.5**0.5, np.exp(-3 / 2.25) / 1.5, 0.0]]))
-    assert nearness(distance, np.full(3, np.nan), None) == pytest.approx(np.exp(-distance))
-    assert FADING == 1.5
-    assert nearness(distance, lengths, 1.0) == pytest.approx(np.array([[3**-1.5, 1 / 8, 0.0]]))
-    assert nearness(distance, lengths, 0.5) == pytest.approx(np.array([[5**-1.5, 7**-1.5, 0.0]]))
+    assert distance_prior(distance, np.full(3, np.nan), None) == pytest.approx(np.exp(-distance))
+    assert DECAY == 1.5
+    assert distance_prior(distance, lengths, 1.0) == pytest.approx(np.array([[3**-1.5, 1 / 8, 0.0]]))
+    assert distance_prior(distance, lengths, 0.5) == pytest.approx(np.array([[5**-1.5, 7**-1.5, 0.0]]))
     for scale in (None, 1.0):
-        assert nearness(np.full((2, 3), np.inf), lengths, scale).tolist() == [[1.0] * 3] * 2
+        assert distance_prior(np.full((2, 3), np.inf), lengths, scale).tolist() == [[1.0] * 3] * 2
 
 
 # ---------------------------------------------------------------------- colour
@@ -76,6 +77,10 @@ def test_color_likeness_by_hand():
     assert got[:, 2].tolist() == [OTHER_COLOR] * 4
 
 
+def of_sum_one(rows):
+    return rows / rows.sum(axis=1, keepdims=True)
+
+
 @pytest.mark.parametrize(('channels', 'scale'), [(3, None), (1, 1.0), (0, 0.3)])
 def test_the_prior_is_the_product_of_what_can_be_told(channels, scale):
     rng = np.random.default_rng(0)
@@ -84,16 +89,18 @@ def test_the_prior_is_the_product_of_what_can_be_told(channels, scale):
     scene = PreparedScene(cloud, regions, make_graph(6, colors=colors, descriptors=rng.random((6, 2))))
     truth = np.full(60, -1)
     truth[[3, 25]] = [0, 1]
-    examples, strategy = plain_examples(rng.random((12, 9)), rng.integers(0, 2, 12)), MergeStrategy()
+    examples, rules = (
+        plain_examples(rng.random((12, 9)), rng.integers(0, 2, 12)),
+        RegionPriorRules(distance_scale=scale),
+    )
     lengths = np.array([0.5, 1.0])
-    strategy = replace(strategy, prior_scale=scale)
-    wanted = nearness(annotated_distances(cloud.xyz, regions, truth, 2), lengths, scale)
+    wanted = distance_prior(annotated_distances(cloud.xyz, regions, truth, 2), lengths, scale)
     if channels:
-        sigma = {3: strategy.color_sigma, 1: strategy.intensity_sigma}[channels]
+        sigma = {3: rules.color_sigma, 1: rules.intensity_sigma}[channels]
         wanted = wanted * color_likeness(colors, regions.labels, truth, sigma, 2)
-    assert region_prior(scene, truth, lengths, None, strategy) == pytest.approx(wanted)
-    wanted = wanted * looks_shares(region_looks(cloud, regions, scene.graph), examples, 2)
-    assert region_prior(scene, truth, lengths, examples, strategy) == pytest.approx(wanted)
+    assert region_prior(scene, truth, lengths, None, rules) == pytest.approx(of_sum_one(wanted))
+    wanted = wanted * knn_class_prior(prior_features(cloud, regions, scene.graph), examples, 2)
+    assert region_prior(scene, truth, lengths, examples, rules) == pytest.approx(of_sum_one(wanted))
 
 
 def test_regions_that_chance_should_have_met():
@@ -105,10 +112,10 @@ def test_regions_that_chance_should_have_met():
     assert not classless_regions(regions, truth, 4.1).any() and not classless_regions(regions, truth, None).any()
     assert not classless_regions(regions, np.full(100, -1), 4.0).any()
     cloud = PointCloud(np.random.default_rng(0).random((100, 3)).astype(np.float32))
-    scene, strategy = PreparedScene(cloud, regions, make_graph(3)), MergeStrategy(missing_points=4.0)
-    prior = region_prior(scene, truth, np.ones(2), None, strategy)
-    assert prior[1].tolist() == [0.0, 0.0] and (prior[[0, 2], 1] > 0).all()
-    later = with_prior(Pooled(np.full((3, 2), 0.5), np.ones(3, dtype=int)), regions.sizes, prior)
+    scene, rules = PreparedScene(cloud, regions, make_graph(3)), RegionPriorRules(missing_points=4.0)
+    prior = region_prior(scene, truth, np.ones(2), None, rules)
+    assert np.isnan(prior[1]).all() and (prior[[0, 2], 1] > 0).all()
+    later = with_prior(Pooled(np.full((3, 2), 0.5), np.ones(3, dtype=int)), prior)
     assert np.isnan(later.values[1]).all() and np.isfinite(later.values[[0, 2]]).all()
 
 
@@ -118,29 +125,25 @@ def test_regions_that_chance_should_have_met():
 def test_prior_times_network():
     prior = np.array([[1.0, 3.0], [0.0, 2.0], [0.0, 0.0], [1.0, 1.0]])
     pooled = Pooled(np.array([[0.6, 0.4], [1.0, 0.0], [0.5, 0.5], [np.nan, np.nan]]), np.array([5, 4, 3, 0]))
-    got = with_prior(pooled, np.array([9, 9, 9, 9]), prior)
+    got = with_prior(pooled, prior)
     np.testing.assert_allclose(got.values, [[0.6 / 1.8, 1.2 / 1.8], *[[np.nan] * 2] * 3])
     assert got.seen.tolist() == [5, 4, 3, 0]
-    alone = with_prior(None, np.array([9, 8, 7, 6]), prior)
-    np.testing.assert_allclose(alone.values, [[0.25, 0.75], [0, 1], [np.nan] * 2, [0.5, 0.5]])
-    assert alone.seen.tolist() == [9, 8, 7, 6]
-    squared = with_prior(pooled, np.array([9, 9, 9, 9]), prior, 2.0)
+    squared = with_prior(pooled, prior, 2.0)
     np.testing.assert_allclose(squared.values[0], np.array([0.36, 0.48]) / 0.84)
 
 
 def test_labels_by_prior_and_network():
     patches = make_patches(0, share=0.02)
-    strategy = MergeStrategy(tau_merge=4.0, tau_seed=4.0, thresholds='literal', gamma=0.6, rounds=4, region_prior=True)
+    merge = MergeRules(tau_merge=4.0, tau_seed=4.0, thresholds='literal', gamma=0.6, rounds=4)
+    rules = SegmentationRules(merge, region_prior=RegionPriorRules())
     regions = patches.regions.labels
     prior = np.full((len(patches.regions), CLASSES), 0.1)
     odd = np.arange(len(patches.regions)) % 2 == 1
     prior[odd, 1] = 0.8
 
     def refresh(number, rows, prior):
-        return refresh_points(
-            patches.cloud, patches.regions, patches.graph, patches.annotated, rows, None, None, strategy, number,
-            patches.counts, (0, 1), None, prior,
-        )  # fmt: skip
+        scene = refreshing.inputs(patches, rows=rows)
+        return refreshing.points(scene, rules, number, patches.counts, (0, 1), prior=prior)
 
     plain, filled = refresh(0, None, None), refresh(0, None, prior)
     expected = (plain.labels.semantic < 0) & odd[regions]
@@ -151,7 +154,7 @@ def test_labels_by_prior_and_network():
     assert not filled.labels.point_is_annotated[expected].any()
     ledger = MergeLedger.from_arrays(filled.merge.ledger.to_arrays())
     assert (decide_again(ledger, filled.labels, None).semantic == filled.labels.semantic).all()
-    surer = decide_again(ledger, filled.labels, None, replace(strategy, gamma=0.81))
+    surer = decide_again(ledger, filled.labels, None, ReplayRules(replace(merge, gamma=0.81)))
     assert (surer.semantic == plain.labels.semantic).all()
 
     rows = np.tile([0.02, 0.02, 0.96], (len(regions), 1))  # .8 * .02 against .1 * .96
@@ -161,11 +164,13 @@ def test_labels_by_prior_and_network():
 
 
 def test_a_bad_switch_is_told():
-    with pytest.raises(ValueError, match=r'region_prior: expected True or False'):
-        MergeStrategy(region_prior=0.5)
-    with pytest.raises(ValueError, match=r"prior_looks: expected one of \('neighbors', 'kernel'\)"):
-        MergeStrategy(prior_looks='shape')
-    with pytest.raises(ValueError, match=r'prior_scale: expected a number > 0, or None'):
-        MergeStrategy(prior_scale=0.0)
-    with pytest.raises(ValueError, match=r'inverse_temperature: expected a number > 0'):
-        MergeStrategy(inverse_temperature=0.0)
+    for field, value, wanted in (
+        ('classifier', 'shape', r"one of \('neighbors', 'kernel'\)"),
+        ('gamma', 0.0, 'a probability in'),
+        ('distance_scale', 0.0, 'a number > 0, or None'),
+        ('inverse_temperature', 0.0, 'a number > 0'),
+        ('missing_points', -1, 'a number > 0, or None'),
+        ('heading', 'yes', 'True or False'),
+    ):
+        with pytest.raises(ValueError, match=rf'RegionPriorRules\.{field}: expected {wanted}'):
+            RegionPriorRules(**{field: value})

@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 from pseudo_labels.region_graphs import make_graph
 
-from rm3d_plugin.pseudo_labels.common.distance_prior import annotated_distances, nearness
+from rm3d_plugin.pseudo_labels import RegionPriorRules
+from rm3d_plugin.pseudo_labels.common.distance_prior import annotated_distances, distance_prior
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import class_prior_em
-from rm3d_plugin.pseudo_labels.common.sensor import UsualStrength
+from rm3d_plugin.pseudo_labels.common.sensor import IntensityByRange
 from rm3d_plugin.pseudo_labels.region_prior import classifier as region_knowledge
 from rm3d_plugin.pseudo_labels.region_prior.classifier import RegionCollector, RegionKnowledge, region_rows
 from rm3d_plugin.pseudo_labels.region_prior.features import (
     DESCRIPTOR_WEIGHT,
     SHAPE_COLUMNS,
     RegionExamples,
-    region_looks,
+    prior_features,
 )
 from rm3d_plugin.pseudo_labels.region_prior.prior import region_prior
-from rm3d_plugin.pseudo_labels.region_prior.statistics import survey_regions
-from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.pseudo_labels.region_prior.statistics import region_statistics
 from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.structures import PointCloud, Regions
 
 WALL, BUSH, POST = range(3)
-STRATEGY = MergeStrategy(region_prior=True, prior_looks='kernel', prior_scale=1.0, heading=True)
+RULES = RegionPriorRules(classifier='kernel', distance_scale=1.0, heading=True)
 
 
 def thing(kind, place, rng):
@@ -60,10 +60,10 @@ def street(seed, counts=(12, 5, 3)):
 def test_columns_by_hand():
     scene, _, _ = street(0)
     rows = region_rows(scene, True)
-    usual = UsualStrength(np.array([5.0, 25.0]), np.array([0.5, 0.1]))
+    usual = IntensityByRange(np.array([5.0, 25.0]), np.array([0.5, 0.1]))
     columns = rows.columns(usual)
-    looks = region_looks(scene.cloud, scene.regions, scene.graph)
-    np.testing.assert_array_equal(columns[:, : looks.shape[1]], looks)
+    features = prior_features(scene.cloud, scene.regions, scene.graph)
+    np.testing.assert_array_equal(columns[:, : features.shape[1]], features)
     for region in range(len(scene.regions)):
         members = scene.regions.points_of(region)
         middle = scene.cloud.xyz[members].astype(float).mean(axis=0)
@@ -78,7 +78,7 @@ def test_columns_by_hand():
             np.log(away),
             abs(middle[1]),
         ]
-        np.testing.assert_allclose(columns[region, looks.shape[1] :], wanted, rtol=1e-5)
+        np.testing.assert_allclose(columns[region, features.shape[1] :], wanted, rtol=1e-5)
 
 
 def test_what_is_not_known_is_left_out():
@@ -86,60 +86,61 @@ def test_what_is_not_known_is_left_out():
     blind = replace(scene, cloud=replace(scene.cloud, intensity=None))
     lost = replace(scene, cloud=replace(scene.cloud, sensor=None))
     usual, count = (
-        UsualStrength(np.array([1.0]), np.array([0.5])),
-        region_looks(scene.cloud, scene.regions, scene.graph).shape[1],
+        IntensityByRange(np.array([1.0]), np.array([0.5])),
+        prior_features(scene.cloud, scene.regions, scene.graph).shape[1],
     )
     assert (region_rows(blind, True).columns(usual)[:, count : count + 2] == 0).all()
     assert (region_rows(lost, True).columns(usual)[:, count + 2 :] == 0).all()
     assert (region_rows(scene, False).columns(usual)[:, -1] == 0).all()
 
 
-def known_of(streets, strategy=STRATEGY):
-    return survey_regions(((scene, truth) for scene, truth, _ in streets), 4, strategy)
+def known_of(streets, rules=RULES, min_upright=None):
+    return region_statistics(((scene, truth) for scene, truth, _ in streets), 4, rules, None, min_upright)
 
 
 def test_clicked_regions_of_all_scenes_name_the_others():
     streets = [street(seed) for seed in range(8)]
-    survey = known_of(streets)
+    statistics = known_of(streets)
     right = []
     for scene, truth, kinds in streets:
-        prior = region_prior(scene, truth, survey.lengths, survey.looks, STRATEGY)
-        places = nearness(annotated_distances(scene.cloud.xyz, scene.regions, truth, 4), survey.lengths, 1.0)
-        np.testing.assert_allclose(prior, places * survey.looks.shares(scene))
+        prior = region_prior(scene, truth, statistics.lengths, statistics.known, RULES)
+        places = distance_prior(annotated_distances(scene.cloud.xyz, scene.regions, truth, 4), statistics.lengths, 1.0)
+        product = places * statistics.known.shares(scene)
+        np.testing.assert_allclose(prior, product / product.sum(axis=1, keepdims=True))
         right.append(prior.argmax(axis=1) == kinds)
     assert np.mean(right) > 0.9
-    shares = survey.looks.shares(streets[0][0])
+    shares = statistics.known.shares(streets[0][0])
     assert shares[:, :3].sum(axis=1) == pytest.approx(1.0)
     assert (shares[:, 3] == region_knowledge.DOUBT).all()  # a class that no region teaches
     points = np.array([12 * 60, 5 * 40, 3 * 15, 0])
-    assert survey.looks.frequencies == pytest.approx(points / points.sum(), abs=0.05)
+    assert statistics.known.frequencies == pytest.approx(points / points.sum(), abs=0.05)
 
 
 def test_frequencies_and_scaling_are_those_of_the_scenes():
     streets = [street(seed) for seed in range(5)]
-    survey = known_of(streets)
+    statistics = known_of(streets)
     rows = [region_rows(scene, True) for scene, _, _ in streets]
-    columns = np.concatenate([part.columns(survey.looks.usual) for part in rows])
+    columns = np.concatenate([part.columns(statistics.known.usual) for part in rows])
     sizes = np.concatenate([part.sizes for part in rows])
     large = columns[sizes >= 30]
-    np.testing.assert_allclose(survey.looks.classes.scaling.middle, large.mean(axis=0), rtol=1e-6)
-    weights = survey.looks.classes.scaling.weights
+    np.testing.assert_allclose(statistics.known.classes.scaling.middle, large.mean(axis=0), rtol=1e-6)
+    weights = statistics.known.classes.scaling.weights
     told = large.std(axis=0) > 1e-6
     raw = np.r_[[1 / SHAPE_COLUMNS] * SHAPE_COLUMNS, [DESCRIPTOR_WEIGHT / 3] * 3, [1 / SHAPE_COLUMNS] * 6] * told
     np.testing.assert_allclose(weights, raw / raw.sum())
     distance = [annotated_distances(s.cloud.xyz, s.regions, truth, 4) for s, truth, _ in streets]
-    near = np.concatenate([nearness(one, survey.lengths, 1.0) for one in distance])
-    wanted = class_prior_em(survey.looks.classes.shares(columns, 4) * near, sizes, near > 0)
-    np.testing.assert_allclose(survey.looks.frequencies, wanted)
+    near = np.concatenate([distance_prior(one, statistics.lengths, 1.0) for one in distance])
+    wanted = class_prior_em(statistics.known.classes.shares(columns, 4) * near, sizes, near > 0)
+    np.testing.assert_allclose(statistics.known.frequencies, wanted)
 
 
 def test_level_regions_teach_but_do_not_count():
     streets = [street(seed) for seed in range(6)]
     for scene, _, kinds in streets:
         scene.graph.normals[kinds == WALL] = [0.0, 0.0, 1.0]  # lying walls
-    survey = known_of(streets, replace(STRATEGY, level_regions=0.9))
-    assert WALL in survey.looks.classes.classes
-    assert survey.looks.frequencies[WALL] < 0.2 < known_of(streets).looks.frequencies[WALL]
+    statistics = known_of(streets, min_upright=0.9)
+    assert WALL in statistics.known.classes.classes
+    assert statistics.known.frequencies[WALL] < 0.2 < known_of(streets).known.frequencies[WALL]
 
 
 def test_many_scenes_are_stood_for_by_some(monkeypatch):
@@ -167,15 +168,15 @@ def test_examples_beyond_what_fits_are_thinned_class_by_class(monkeypatch):
 
 def test_nothing_clicked_and_no_region():
     scene, truth, _ = street(0)
-    assert known_of([(scene, np.full_like(truth, -1), None)]).looks is None
+    assert known_of([(scene, np.full_like(truth, -1), None)]).known is None
     empty = PreparedScene(PointCloud(np.zeros((3, 3))), Regions(np.full(3, -1)), make_graph(0))
-    assert known_of([(empty, np.array([0, -1, 1]), None)]).looks is None
+    assert known_of([(empty, np.array([0, -1, 1]), None)]).known is None
 
 
 def test_few_clicked_regions_vote():
     streets = [street(seed) for seed in range(5)]
-    assert isinstance(known_of(streets).looks, RegionKnowledge)  # three clicked regions each
-    few = known_of(streets[:4]).looks
-    plain = known_of(streets[:4], replace(STRATEGY, prior_looks='neighbors')).looks
+    assert isinstance(known_of(streets).known, RegionKnowledge)  # three clicked regions each
+    few = known_of(streets[:4]).known
+    plain = known_of(streets[:4], replace(RULES, classifier='neighbors')).known
     assert isinstance(few, RegionExamples)
-    np.testing.assert_array_equal(few.looks, plain.looks)
+    np.testing.assert_array_equal(few.features, plain.features)

@@ -5,9 +5,10 @@ from operator import add
 
 import numpy as np
 import pytest
+from pseudo_labels import refreshing
 from pseudo_labels.patches import CLASSES, make_patches
 
-from rm3d_plugin.pseudo_labels import AnnotatedLabels, refresh_points
+from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.pseudo_labels.segmentation.holdout import (
     Holdout,
     HoldoutErrors,
@@ -16,7 +17,7 @@ from rm3d_plugin.pseudo_labels.segmentation.holdout import (
     split_holdout,
     without_new_labels,
 )
-from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.regions import MergeRules
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 
@@ -69,18 +70,18 @@ def test_nothing_is_kept_aside_of_few_points_or_complete_scenes():
 def test_errors_by_hand():
     held = Holdout(annotated_of([-1] * 6), np.array([0, 1, 2, 3]), np.array([0, 0, 1, 1]))
     got = holdout_errors(np.array([0, 1, 1, -1, 2, 2]), held, 3)
-    assert got.judged.tolist() == [1, 2, 0] and got.wrong.tolist() == [0, 1, 0]
+    assert got.compared.tolist() == [1, 2, 0] and got.wrong.tolist() == [0, 1, 0]
     assert got.share[:2].tolist() == [0.0, 0.5] and np.isnan(got.share[2])
     both = got + got
-    assert both.judged.tolist() == [2, 4, 0]
-    assert (got.whole().judged.tolist(), got.whole().wrong.tolist()) == ([3], [1])
+    assert both.compared.tolist() == [2, 4, 0]
+    assert (got.whole().compared.tolist(), got.whole().wrong.tolist()) == ([3], [1])
 
 
 def test_worse_needs_a_margin_and_evidence():
     old = HoldoutErrors(np.array([100, 100, 100, 0]), np.array([10, 10, 10, 0]))
     new = HoldoutErrors(np.array([100, 100, 4, 10]), np.array([14, 16, 4, 1]))
     assert got_worse(new, old, 0.05).tolist() == [False, True, False, True]
-    assert got_worse(new, old, 0.05, min_judged=1).tolist() == [False, True, True, True]
+    assert got_worse(new, old, 0.05, min_compared=1).tolist() == [False, True, True, True]
     nothing = HoldoutErrors(np.zeros(2, dtype=int), np.zeros(2, dtype=int))
     assert got_worse(nothing, nothing, 0.0).tolist() == [False, False]
 
@@ -120,40 +121,31 @@ def test_points_kept_aside_do_not_reach_the_labels():
 
     def labels(annotated):
         rows = patches.softmax(rng(1))
-        return refresh_points(
-            patches.cloud,
-            patches.regions,
-            patches.graph,
-            annotated,
-            rows,
-            None,
-            None,
-            MergeStrategy(),
-            3,
-            patches.counts,
-        ).labels
+        scene = refreshing.inputs(patches, annotated, rows)
+        return refreshing.points(scene, MergeRules(), 3, patches.counts).labels
 
     # The split does not look at which class a kept-aside point has where the others keep theirs.
     blind = AnnotatedLabels(held.annotated.semantic, held.annotated.instance, Boxes3D.empty())
     np.testing.assert_array_equal(labels(held.annotated).semantic, labels(blind).semantic)
     assert not labels(held.annotated).point_is_annotated[held.points].any()
     errors = holdout_errors(labels(held.annotated).semantic, held, CLASSES)
-    assert errors.judged.sum() > 0
+    assert errors.compared.sum() > 0
     wrong = holdout_errors(
         labels(held.annotated).semantic, Holdout(held.annotated, held.points, lied.semantic[held.points]), CLASSES
     )
-    assert got_worse(wrong, errors, 0.05, min_judged=1).any() and not got_worse(errors, errors, 0.05).any()
+    assert got_worse(wrong, errors, 0.05, min_compared=1).any() and not got_worse(errors, errors, 0.05).any()
 
 
 def test_a_spoilt_round_is_taken_back_and_coverage_stays():
-    strategy, scenes = MergeStrategy(gamma=0.5), []
+    rules, scenes = MergeRules(gamma=0.5), []
     for seed in range(6):
         patches = make_patches(seed, share=0.1)
         held = split_holdout(patches.annotated, 0.3, rng())
-        common = (patches.cloud, patches.regions, patches.graph, held.annotated)
-        first = refresh_points(*common, None, None, None, strategy, 0, patches.counts).labels
+        scene = refreshing.inputs(patches, held.annotated)
+        first = refreshing.points(scene, rules, 0, patches.counts).labels
         rows = patches.softmax(rng(seed), noise=0.1)[:, [1, 0, 2]]  # a network that takes class 0 for 1 and 1 for 0
-        second = refresh_points(*common, rows, None, first, strategy, 4, patches.counts).labels
+        scene = refreshing.inputs(patches, held.annotated, rows, previous=first)
+        second = refreshing.points(scene, rules, 4, patches.counts).labels
         scenes.append((patches.truth, held, first, second))
     old, new = (reduce(add, (holdout_errors(s[i].semantic, s[1], CLASSES) for s in scenes)) for i in (2, 3))
     bad = got_worse(new, old, 0.05)

@@ -1,16 +1,27 @@
 """One scene in, labels out: a small street with three cars, a person, a wall and ground."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pseudo_labels import refreshing
 
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.rotated_iou import rotated_iou_bev
-from rm3d_plugin.pseudo_labels import AnnotatedLabels, ObjectRules, refresh_detection, refresh_points
-from rm3d_plugin.regions import MergeStrategy, Reason
+from rm3d_plugin.pseudo_labels import (
+    AnnotatedLabels,
+    DetectionRules,
+    ObjectKnowledge,
+    ObjectRules,
+    PropagationRules,
+    RoundContext,
+    SegmentationRules,
+    refresh_detection,
+)
+from rm3d_plugin.regions import MergeRules, Reason
 from rm3d_plugin.structures import Boxes3D, PointCloud, RegionGraph, Regions
 
 SIZES = np.array([[3.9, 1.6, 1.56], [0.8, 0.6, 1.73]])
@@ -27,7 +38,7 @@ TRUE = Boxes3D(
     np.array([0, 0, 0, 1]),
 )
 COUNTS = np.array([3, 1])
-STRATEGY = MergeStrategy(seed_share=0.0)
+MERGE = MergeRules(seed_share=0.0)
 
 
 def surface(box, rng, n):
@@ -92,11 +103,12 @@ class Street:
         middle = np.r_[TRUE.tensor[:, :3], np.zeros((3, 3))][self.part]
         return np.where((self.part < 4)[:, None], middle, self.xyz)
 
-    def refresh(self, annotated, rows=None, centers=None, previous=None, strategy=STRATEGY, round=4, **more):
-        return refresh_detection(
-            self.cloud, self.regions, self.graph, annotated, rows, centers, previous, strategy, round, SIZES, COUNTS,
-            self.height, **more,
-        )  # fmt: skip
+    def refresh(
+        self, annotated, rows=None, centers=None, previous=None, rules=MERGE, round=4, objects=None, sizes=SIZES
+    ):
+        scene = refreshing.inputs(self, annotated, rows, centers, previous)
+        context = RoundContext(round, DetectionRules(rules, objects or ObjectRules()), COUNTS)
+        return refresh_detection(scene, context, ObjectKnowledge(sizes, self.height))
 
 
 @pytest.fixture
@@ -156,7 +168,7 @@ def test_unseen_points_do_not_count(street):
     assert len(labels.boxes) == 4
 
 
-def test_true_boxes_always_win(street):
+def test_annotated_boxes_always_win(street):
     wrong = street.softmax()
     wrong[street.part == 1] = [0.02, 0.96, 0.02]  # the annotated car is taken for a person
     labels = street.refresh(street.annotated(1), wrong, street.centers()).labels
@@ -164,7 +176,7 @@ def test_true_boxes_always_win(street):
     assert not ((labels.boxes.labels == 1) & (np.hypot(*(labels.boxes.tensor[:, :2] - TRUE.tensor[1, :2]).T) < 3)).any()
 
 
-def test_what_lies_around_a_annotated_box_is_background(street):
+def test_what_lies_around_an_annotated_box_is_background(street):
     near = TRUE.tensor[1].copy()
     moved = Boxes3D(near[None] + [0, 0, 0, -0.4, -0.4, 0, 0], np.array([0]))  # the box now leaves its sides outside
     annotated = replace(street.annotated(), boxes=moved)
@@ -187,7 +199,7 @@ def test_labels_are_permanent_or_demoted(street):
     kept = street.refresh(street.annotated(1), doubt, street.centers(), first, round=2).labels
     assert (kept.semantic == first.semantic).all()
     assert len(kept.boxes) == len(first.boxes)
-    demoting = replace(STRATEGY, permanent=False)
+    demoting = replace(MERGE, demote_margin=0.15)
     lost = street.refresh(street.annotated(1), doubt, street.centers(), first, demoting, 2).labels
     assert (lost.semantic[np.isin(street.part, [0, 2, 3])] == -1).all()
     assert lost.box_is_annotated.tolist() == [True]
@@ -207,23 +219,22 @@ def test_a_group_of_two_objects_is_split_by_its_votes(street):
 
 
 def test_rules_and_errors(street):
-    strict = street.refresh(street.annotated(), street.softmax(), street.centers(), rules=ObjectRules(min_points=500))
+    strict = street.refresh(street.annotated(), street.softmax(), street.centers(), objects=ObjectRules(min_points=500))
     assert len(strict.labels.boxes) == 0 and strict.stats['small_groups'] == 4
     with pytest.raises(ValueError, match=r'ObjectRules\.min_points'):
         ObjectRules(min_points=0)
-    with pytest.raises(ValueError, match=r'probabilities have shape \(5, 3\)'):
+    with pytest.raises(ValueError, match='probabilities has 5 rows'):
         street.refresh(street.annotated(), np.zeros((5, 3)))
     with pytest.raises(ValueError, match='annotated has 2 rows'):
         street.refresh(AnnotatedLabels.nothing(2))
+    with pytest.raises(ValueError, match=r'probabilities have shape \(\d+, 2\), expected \(\d+, 3\)'):
+        street.refresh(street.annotated(), street.softmax()[:, :2])
 
 
 def test_classes_without_a_size_get_no_box(street):
     sizes = SIZES.copy()
     sizes[1] = np.nan
-    labels = refresh_detection(
-        street.cloud, street.regions, street.graph, street.annotated(), street.softmax(), None, None, STRATEGY, 4,
-        sizes, COUNTS,
-    ).labels  # fmt: skip
+    labels = street.refresh(street.annotated(), street.softmax(), sizes=sizes).labels
     assert set(labels.boxes.labels.tolist()) == {0}
     assert (labels.semantic[street.part == 3] == 1).all()
 
@@ -235,15 +246,12 @@ def test_tiny_scenes(n):
     graph = RegionGraph(
         nothing, nothing, np.zeros(n), np.zeros((n, 2)), None, nothing, np.ones(n, int), np.zeros((0, 2), int)
     )
-    out = refresh_detection(
-        PointCloud(nothing), regions, graph, AnnotatedLabels.nothing(n), None, None, None, STRATEGY, 0, SIZES, COUNTS,
-        np.zeros(n),
-    )  # fmt: skip
-    assert len(out.labels) == n
-    points = refresh_points(
-        PointCloud(nothing), regions, graph, AnnotatedLabels.nothing(n), None, None, None, STRATEGY, 0, COUNTS
+    scene = refreshing.inputs(
+        SimpleNamespace(cloud=PointCloud(nothing), regions=regions, graph=graph), AnnotatedLabels.nothing(n)
     )
-    assert len(points.labels) == n
+    context = RoundContext(0, DetectionRules(MERGE), COUNTS)
+    assert len(refresh_detection(scene, context, ObjectKnowledge(SIZES, np.zeros(n))).labels) == n
+    assert len(refreshing.points(scene, MERGE, 0, COUNTS).labels) == n
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)
@@ -287,16 +295,15 @@ def test_coverage_never_falls_while_labels_are_permanent(seed):
         previous = labels
 
 
-def segmentation(street, rows=None, previous=None, round=4, seeds=((0, 0, 5), (3, 1, 2)), strategy=STRATEGY):
+def segmentation(street, rows=None, previous=None, round=4, seeds=((0, 0, 5), (3, 1, 2)), rules=MERGE):
     semantic, instance = np.full(len(street.xyz), -1), np.full(len(street.xyz), -1)
     for part, label, number in seeds:
         first = np.flatnonzero(street.part == part)[0]
         semantic[first], instance[first] = label, number
     annotated = AnnotatedLabels(semantic, instance, Boxes3D.empty())
     counts = np.array([3, 1, 9])
-    return refresh_points(
-        street.cloud, street.regions, street.graph, annotated, rows, None, previous, strategy, round, counts, (0, 1)
-    )
+    scene = refreshing.inputs(street, annotated, rows, previous=previous)
+    return refreshing.points(scene, rules, round, counts, (0, 1))
 
 
 def test_one_point_labels_its_region_and_with_confidence_its_group(street):
@@ -317,9 +324,11 @@ def test_one_point_labels_its_region_and_with_confidence_its_group(street):
     assert later.merge.ledger.reason.max() <= Reason.SAME_GROUP
 
 
-def test_groups_without_a_annotated_instance_may_stay_without_one(street):
+def test_groups_without_an_annotated_instance_may_stay_without_one(street):
     usual = segmentation(street, street.softmax()).labels
-    labels = segmentation(street, street.softmax(), strategy=replace(STRATEGY, new_instances=False)).labels
+    labels = segmentation(
+        street, street.softmax(), rules=SegmentationRules(MERGE, PropagationRules(new_instances=False))
+    ).labels
     assert (labels.semantic == usual.semantic).all()
     assert set(labels.instance[street.part == 0].tolist()) == {5}
     fresh = np.isin(street.part, [1, 2])
@@ -334,19 +343,7 @@ def test_two_labelled_instances_stay_two(street):
     for number, region in enumerate(halves):
         semantic[street.regions.points_of(region)[0]], instance[street.regions.points_of(region)[0]] = 0, number
     annotated = AnnotatedLabels(semantic, instance, Boxes3D.empty())
-    out = refresh_points(
-        street.cloud,
-        street.regions,
-        street.graph,
-        annotated,
-        street.softmax(),
-        None,
-        None,
-        STRATEGY,
-        4,
-        np.ones(3, int),
-        (0,),
-    )
+    out = refreshing.points(refreshing.inputs(street, annotated, street.softmax()), MERGE, 4, np.ones(3, int), (0,))
     assert out.merge.group[halves[0]] != out.merge.group[halves[1]]
     for number, region in enumerate(halves):
         assert set(out.labels.instance[street.regions.labels == region].tolist()) == {number}

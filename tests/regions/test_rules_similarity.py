@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.regions import MergeRules
 from rm3d_plugin.regions import similarity as sim
 from rm3d_plugin.structures import RegionGraph
 
@@ -11,19 +11,19 @@ PAIR = np.array([[0, 1]])
 
 
 def test_the_weights_go_from_geometry_to_semantics():
-    strategy = MergeStrategy(rounds=8)
-    assert strategy.weights(0) == (1, 1, 1, 0)
-    assert strategy.weights(4) == (0.5, 0.5, 0.5, 0.5)
-    assert strategy.weights(8) == (0, 0, 0, 1)
-    assert MergeStrategy(weight_balancing=False).weights(3) == (1, 1, 1, 1)
-    off = MergeStrategy(weight_balancing=False, use_color=False, use_semantics=False)
+    rules = MergeRules(rounds=8)
+    assert rules.weights(0) == (1, 1, 1, 0)
+    assert rules.weights(4) == (0.5, 0.5, 0.5, 0.5)
+    assert rules.weights(8) == (0, 0, 0, 1)
+    assert MergeRules(weight_balancing=False).weights(3) == (1, 1, 1, 1)
+    off = MergeRules(weight_balancing=False, without=('color', 'semantics'))
     assert off.weights(3) == (0, 1, 1, 0)
     with pytest.raises(ValueError, match=r'0\.\.8, got 9'):
-        strategy.weights(9)
+        rules.weights(9)
 
 
 def test_normalised_and_literal_thresholds_agree_in_the_middle():
-    normalised, literal = MergeStrategy(), MergeStrategy(thresholds='literal')
+    normalised, literal = MergeRules(), MergeRules(thresholds='literal')
     assert (normalised.merge_threshold(), normalised.seed_threshold()) == (0.625, 0.75)
     assert (literal.merge_threshold(), literal.seed_threshold()) == (1.25, 1.5)
     total = sum(normalised.weights(4))
@@ -48,27 +48,22 @@ def test_normalised_and_literal_thresholds_agree_in_the_middle():
         ('centre_distance', 0),
         ('centre_distance', (0.3, -1)),
         ('seed_share', 2),
-        ('quota', 0),
-        ('quota', 1.5),
-        ('quota_ranges', (5, 5)),
-        ('quota_ranges', (-1, 5)),
-        ('holdout', 1),
-        ('holdout', -0.1),
-        ('holdout_margin', 2),
-        ('use_color', 1),
-        ('permanent', 'yes'),
+        ('without', ('colour',)),
+        ('without', 'color'),
+        ('lambda_normal', -1),
+        ('weight_balancing', 1),
     ],
 )
 def test_a_bad_value_is_named(field, value):
-    with pytest.raises(ValueError, match=rf'MergeStrategy\.{field}: expected .* got'):
-        MergeStrategy(**{field: value})
+    with pytest.raises(ValueError, match=rf'MergeRules\.{field}: expected .* got'):
+        MergeRules(**{field: value})
 
 
 def test_centre_limits():
     classes = np.array([0, 1, -1])
-    assert MergeStrategy().centre_limit(classes).tolist() == [np.inf] * 3
-    assert MergeStrategy(centre_distance=0.3).centre_limit(classes).tolist() == [0.3] * 3
-    assert MergeStrategy(centre_distance=[1.0, None]).centre_limit(classes).tolist() == [1.0, np.inf, np.inf]
+    assert MergeRules().centre_limit(classes).tolist() == [np.inf] * 3
+    assert MergeRules(centre_distance=0.3).centre_limit(classes).tolist() == [0.3] * 3
+    assert MergeRules(centre_distance=[1.0, None]).centre_limit(classes).tolist() == [1.0, np.inf, np.inf]
 
 
 def test_color():
@@ -102,6 +97,10 @@ def test_affinity_drops_what_is_missing():
         sim.affinity(None, None)
 
 
+def similarity(graph, rows, rules, round):
+    return sim.weigh(sim.pair_terms(graph, rules), graph.edges, rows, rules, round)
+
+
 def graph(colors):
     return RegionGraph(
         centroids=np.zeros((2, 3)),
@@ -118,35 +117,33 @@ def graph(colors):
 def test_a_missing_term_leaves_sum_and_normaliser():
     rows = np.array([[1.0, 0], [1, 0]])
     affinity = np.sqrt(0.5)  # normals agree whatever their sign, descriptors do not
-    with_color = sim.region_similarity(graph(np.array([[50.0, 0, 0]] * 2)), rows, MergeStrategy(), 2)
+    with_color = similarity(graph(np.array([[50.0, 0, 0]] * 2)), rows, MergeRules(), 2)
     assert with_color.total == pytest.approx([0.75 * (2 + affinity) + 0.25])
     assert with_color.mean == pytest.approx(with_color.total / 2.5)
-    without = sim.region_similarity(graph(None), rows, MergeStrategy(), 2)
+    without = similarity(graph(None), rows, MergeRules(), 2)
     assert without.total == pytest.approx([0.75 * (1 + affinity) + 0.25])
     assert without.mean == pytest.approx(without.total / 1.75)
     assert np.isnan(without.color).all()
-    unseen = sim.region_similarity(graph(None), np.full((2, 2), np.nan), MergeStrategy(), 2)
+    unseen = similarity(graph(None), np.full((2, 2), np.nan), MergeRules(), 2)
     assert unseen.mean == pytest.approx([(1 + affinity) / 2])
-    last = sim.region_similarity(graph(None), np.full((2, 2), np.nan), MergeStrategy(), 8)
+    last = similarity(graph(None), np.full((2, 2), np.nan), MergeRules(), 8)
     assert (last.total.tolist(), last.mean.tolist()) == ([0.0], [0.0])
 
 
-def test_switches():
+def test_terms_and_affinities_that_are_left_out():
     rows = np.array([[1.0, 0], [1, 0]])
-    value = {
-        name: sim.region_similarity(graph(None), rows, MergeStrategy(**{name: False}), 0).mean[0]
-        for name in ('use_scale', 'use_descriptor', 'use_normal_affinity', 'use_descriptor_affinity')
+    settings = {
+        'scale': {'without': ['scale']},
+        'descriptor': {'without': ['descriptor']},
+        'A_n': {'lambda_normal': 0.0},
+        'A_des': {'lambda_descriptor': 0.0},
     }
-    assert value == pytest.approx(
-        {
-            'use_scale': np.sqrt(0.5),
-            'use_descriptor': 1.0,
-            'use_normal_affinity': 0.5,
-            'use_descriptor_affinity': 1.0,
-        }
-    )
-    both_off = MergeStrategy(use_normal_affinity=False, use_descriptor_affinity=False)
-    assert np.isnan(sim.region_similarity(graph(None), rows, both_off, 0).descriptor).all()
+    value = {name: similarity(graph(None), rows, MergeRules(**given), 0).mean[0] for name, given in settings.items()}
+    assert value == pytest.approx({'scale': np.sqrt(0.5), 'descriptor': 1.0, 'A_n': 0.5, 'A_des': 1.0})
+    both_off = MergeRules(lambda_normal=0.0, lambda_descriptor=0.0)
+    assert np.isnan(similarity(graph(None), rows, both_off, 0).descriptor).all()
+    nothing = sim.affinity(np.array([0.6]), None)
+    assert sim.affinity(np.array([0.6]), np.array([0.3]), 2.0, 0.0).tolist() == nothing.tolist()
 
 
 @pytest.mark.parametrize('name', ['color', 'scale', 'descriptor', 'semantics'])
@@ -157,10 +154,10 @@ def test_a_term_that_is_off_counts_as_little_as_one_that_is_missing(name, thresh
     rows, edges = rng.dirichlet(np.ones(3), 6), np.stack([np.arange(5), np.arange(1, 6)], axis=1)
     for balanced in (True, False):
         settings = {'thresholds': thresholds, 'weight_balancing': balanced}
-        off = sim.weigh(terms, edges, rows, MergeStrategy(**settings, **{f'use_{name}': False}), 3)
-        whole = sim.weigh(terms, edges, rows, MergeStrategy(**settings), 3)
+        off = sim.weigh(terms, edges, rows, MergeRules(**settings, without=(name,)), 3)
+        whole = sim.weigh(terms, edges, rows, MergeRules(**settings), 3)
         table = np.stack([whole.color, whole.scale, whole.descriptor, whole.semantics])
-        y = np.array(MergeStrategy(**settings).weights(3))
+        y = np.array(MergeRules(**settings).weights(3))
         left = np.array([n != name for n in ('color', 'scale', 'descriptor', 'semantics')])
         np.testing.assert_allclose(off.total, (y[:, None] * table)[left].sum(axis=0), rtol=1e-15)
         np.testing.assert_allclose(off.mean, off.total / y[left].sum(), rtol=1e-15)
@@ -168,11 +165,11 @@ def test_a_term_that_is_off_counts_as_little_as_one_that_is_missing(name, thresh
 
 
 def test_without_the_networks_term_the_last_round_still_has_a_mean():
-    assert MergeStrategy(use_semantics=False).weights(8) == (1, 1, 1, 0)
-    assert MergeStrategy(use_semantics=False, use_scale=False).weights(8) == (1, 0, 1, 0)
-    assert MergeStrategy(use_semantics=False, thresholds='literal').weights(8) == (0, 0, 0, 0)
-    everything_off = {f'use_{name}': False for name in ('color', 'scale', 'descriptor', 'semantics')}
-    assert MergeStrategy(**everything_off).weights(8) == (0, 0, 0, 0)
+    assert MergeRules(without=('semantics',)).weights(8) == (1, 1, 1, 0)
+    assert MergeRules(without=('semantics', 'scale')).weights(8) == (1, 0, 1, 0)
+    assert MergeRules(without=('semantics',), thresholds='literal').weights(8) == (0, 0, 0, 0)
+    everything = ('color', 'scale', 'descriptor', 'semantics')
+    assert MergeRules(without=everything).weights(8) == (0, 0, 0, 0)
 
 
 def test_no_edges():
@@ -181,4 +178,4 @@ def test_no_edges():
         sizes=np.zeros(0, dtype=np.int64),
         edges=np.zeros((0, 2), dtype=np.int64),
     )
-    assert len(sim.region_similarity(empty, np.zeros((0, 2)), MergeStrategy(), 3).mean) == 0
+    assert len(similarity(empty, np.zeros((0, 2)), MergeRules(), 3).mean) == 0

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from rm3d_plugin.labeling.round_times import RoundTimes, Seconds, Stopwatch
+from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
 from rm3d_plugin.visualization import RoundTime
 
 

@@ -1,15 +1,14 @@
-"""The surest part of every class."""
-
-from dataclasses import replace
+"""The most confident part of every class."""
 
 import numpy as np
 import pytest
+from pseudo_labels import refreshing
 from pseudo_labels.patches import CLASSES, make_patches
 
-from rm3d_plugin.pseudo_labels import refresh_points
+from rm3d_plugin.pseudo_labels import SegmentationRules, SelfTrainingRules
 from rm3d_plugin.pseudo_labels.common.groups import GroupLabels
-from rm3d_plugin.pseudo_labels.common.top_fraction import within_quota
-from rm3d_plugin.regions import MergeStrategy
+from rm3d_plugin.pseudo_labels.common.self_training import most_confident_groups
+from rm3d_plugin.regions import MergeRules
 
 
 def groups_of(classes, confidence, from_annotation=None):
@@ -19,7 +18,7 @@ def groups_of(classes, confidence, from_annotation=None):
 
 
 def kept(groups, sizes, share, **more):
-    out = within_quota(groups, np.repeat(np.arange(len(sizes)), sizes), share, **more)
+    out = most_confident_groups(groups, np.repeat(np.arange(len(sizes)), sizes), share, **more)
     assert (out.confidence[out.classes < 0] == 0).all()
     return np.flatnonzero(out.classes >= 0).tolist()
 
@@ -34,7 +33,7 @@ def test_each_class_keeps_its_best_up_to_the_share_of_its_points():
     assert kept(groups, sizes, 1.0) == [0, 1, 2, 3, 4, 5]
 
 
-def test_true_groups_neither_count_nor_fall():
+def test_annotated_groups_neither_count_nor_fall():
     groups = groups_of([0, 0, 0, -1], [0.2, 0.9, 0.8, 0.0], [True, False, False, False])
     assert kept(groups, [100, 1, 1, 1], 0.5) == [0, 1]
 
@@ -43,7 +42,7 @@ def test_ties_go_to_the_lower_group():
     assert kept(groups_of([0, 0, 0], [0.9, 0.9, 0.9]), [1, 1, 1], 0.3) == [0]
 
 
-def test_ranges_have_their_own_quota():
+def test_ranges_have_a_share_of_their_own():
     groups = groups_of([0, 0, 0, 0], [0.99, 0.98, 0.7, 0.6])
     ranges = np.array([5.0, 6, 40, 41])
     assert kept(groups, [1] * 4, 0.5) == [0, 1]
@@ -78,21 +77,38 @@ def test_equals_a_loop(seed):
 
 
 def test_the_share_grows_to_one():
-    strategy = MergeStrategy(quota=0.2, rounds=8)
-    assert [round(strategy.quota_share(r), 3) for r in (0, 1, 4, 7, 8)] == [0.2, 0.2, 0.6, 1.0, 1.0]
-    assert MergeStrategy().quota_share(1) == 1.0
+    rules = SelfTrainingRules(cbst_fraction=0.2)
+    assert [round(rules.fraction(r, 8), 3) for r in (0, 1, 4, 7, 8)] == [0.2, 0.2, 0.6, 1.0, 1.0]
+    assert SelfTrainingRules().fraction(1, 8) == 1.0
+
+
+@pytest.mark.parametrize(
+    ('field', 'value'),
+    [
+        ('cbst_fraction', 0),
+        ('cbst_fraction', 1.5),
+        ('cbst_ranges', (5, 5)),
+        ('cbst_ranges', (-1, 5)),
+        ('holdout', 1),
+        ('holdout', -0.1),
+        ('holdout_margin', 2),
+    ],
+)
+def test_a_bad_value_is_named(field, value):
+    with pytest.raises(ValueError, match=rf'SelfTrainingRules\.{field}: expected .* got'):
+        SelfTrainingRules(**{field: value})
 
 
 def test_refresh_takes_fewer_labels_that_are_more_often_right_and_in_the_end_all():
     patches = make_patches(share=0.0)
     rows = patches.softmax(np.random.default_rng(1), noise=1.5)
-    arguments = (patches.cloud, patches.regions, patches.graph, patches.annotated, rows, None, None)
+    scene = refreshing.inputs(patches, rows=rows)
 
-    def labels(strategy, number):
-        return refresh_points(*arguments, strategy, number, np.ones(CLASSES, dtype=int)).labels.semantic
+    def labels(limits, number):
+        rules = SegmentationRules(MergeRules(gamma=0.4, rounds=8), self_training=limits)
+        return refreshing.points(scene, rules, number, np.ones(CLASSES, dtype=int)).labels.semantic
 
-    free = replace(MergeStrategy(), gamma=0.4, rounds=8)
-    balanced = replace(free, quota=0.3)
+    free, balanced = None, SelfTrainingRules(cbst_fraction=0.3)
     everything, some = labels(free, 1), labels(balanced, 1)
     given = some >= 0
     assert 0 < given.sum() < 0.6 * (everything >= 0).sum()

@@ -47,21 +47,21 @@ class RoundTimes:
 
     def __init__(self, folder: str | Path, epoch: int = 0) -> None:
         self.path = Path(folder) / 'timing.json'
-        self._content: dict[str, Any] = {'labels': {}, 'predicting': {}, 'judging': {}, 'epochs': {}}
+        self._content: dict[str, Any] = {'labels': {}, 'predicting': {}, 'evaluating': {}, 'epochs': {}}
         if epoch and self.path.is_file():
             self._content |= read_json(self.path)
             self._content['epochs'] = {k: v for k, v in self._content['epochs'].items() if int(k) <= epoch}
 
-    def labels(self, round: int, making: Seconds, predicting: Seconds, judging: Seconds) -> None:
-        """The labels of a round were made, and judged.
+    def labels(self, round: int, making: Seconds, predicting: Seconds, evaluating: Seconds) -> None:
+        """The labels of a round were made, and evaluated.
 
         Args:
             round: Its number.
             making: Until the labels were there.
             predicting: What the network took of that.
-            judging: What comparing them with the truth took after it; no part of the method.
+            evaluating: What comparing them with the truth took after it; no part of the method.
         """
-        for name, seconds in (('labels', making), ('predicting', predicting), ('judging', judging)):
+        for name, seconds in (('labels', making), ('predicting', predicting), ('evaluating', evaluating)):
             self._content[name][str(round)] = seconds._asdict()
         write_json(self.path, self._content)
 
@@ -81,9 +81,9 @@ class RoundTimes:
         for name in sorted(self._content['labels'], key=int):
             labels, training = _total([self._content['labels'][name]]), self.training(int(name))
             predicting = _total([self._content['predicting'][name]])
-            judging = _total(entry for entry in [self._content['judging'].get(name)] if entry)
+            evaluating = _total(entry for entry in [self._content['evaluating'].get(name)] if entry)
             share = labels.cpu / training.cpu if training.cpu else None
-            rows.append(RoundTime(int(name), labels.wall, predicting.wall, training.wall, share, judging.wall))
+            rows.append(RoundTime(int(name), labels.wall, predicting.wall, training.wall, share, evaluating.wall))
         return rows
 
 
