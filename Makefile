@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
-DEMO := configs/rm3d_votenet_kitti_1pct.py
+DEMO := rm3d_votenet_kitti_1pct
 
 .PHONY: setup demo test lint types layers bench docs clean
 
@@ -16,7 +16,7 @@ $(STAMP): setup.py constraints.txt
 	touch $(STAMP)
 
 demo: $(STAMP)
-	$(BIN)/python tools/train.py $(DEMO) --demo
+	$(BIN)/rm3d train $(DEMO) --demo
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -q
@@ -32,7 +32,7 @@ layers: $(STAMP)
 	$(BIN)/lint-imports
 
 bench: $(STAMP)
-	$(BIN)/python tools/bench.py --help
+	$(BIN)/rm3d bench --help
 
 docs: $(STAMP)
 	$(BIN)/mkdocs build --strict

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import find_namespace_packages, find_packages, setup
 
 HERE = Path(__file__).parent
+CONFIGS = ['rm3d_plugin.configs', *(f'rm3d_plugin.configs.{name}' for name in find_namespace_packages('configs'))]
 
 setup(
     name='rm3d_plugin',
@@ -14,8 +15,13 @@ setup(
     long_description_content_type='text/markdown',
     license='Apache-2.0',
     python_requires='>=3.11,<3.13',
-    packages=find_packages(include=['rm3d_plugin', 'rm3d_plugin.*']),
-    package_data={'rm3d_plugin': ['py.typed']},
+    packages=[*find_packages(include=['rm3d_plugin', 'rm3d_plugin.*']), *CONFIGS],
+    package_dir={'rm3d_plugin.configs': 'configs'},  # `rm3d_plugin::NAME.py` needs no checkout
+    package_data={
+        'rm3d_plugin': ['py.typed', 'baselines/*/README.md'],
+        'rm3d_plugin.experiments.benchmarks': ['*.cpp'],
+    },
+    entry_points={'console_scripts': ['rm3d = rm3d_plugin.commands.main:main']},
     install_requires=[
         'torch>=2.6',
         'mmengine-lite>=0.10.7,<0.11',
@@ -23,7 +29,9 @@ setup(
         'matplotlib>=3.9',
         'numpy>=2,<2.6',
         'scipy>=1.13',
+        'cachetools>=5.3',
         'numba>=0.60',
+        'omegaconf>=2.4',  # references within configs
         'robust-laplacian>=1.1',
         'jaxtyping>=0.2.34',
         'joblib>=1.4',

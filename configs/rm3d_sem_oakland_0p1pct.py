@@ -1,4 +1,6 @@
-# RM3D semantic segmentation of Oakland from 0.1 % of the points.
-# Run: python tools/train.py configs/rm3d_sem_oakland_0p1pct.py --cfg-options data_root=FOLDER
-# Score on Oakland's test tiles: docs/RESULTS.md.
-_base_ = ['./_base_/variants/sem_oakland.py', './_base_/budgets/points_0p1pct.py']
+# RM3D, classes of points of Oakland, from 0.1 % of the points.
+# Run: rm3d train rm3d_sem_oakland_0p1pct --cfg-options data_root=FOLDER
+# Time: not measured.
+# Score on the test tiles: docs/RESULTS.md.
+_base_ = './_base_/oakland.py'
+budget = '0p1pct'

@@ -1,6 +1,8 @@
-# RM3D semantic segmentation of S3DIS from one labelled point per class and scene.
-# Run: python tools/train.py configs/rm3d_sem_s3dis_onept.py [--demo]
-# Score on S3DIS: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
-_base_ = ['./_base_/variants/sem_s3dis.py', './_base_/budgets/points_onept.py']
+# RM3D, classes of points of S3DIS, from one labelled point per class and scene.
+# Run: rm3d train rm3d_sem_s3dis_onept [--demo]
+# Time: not measured.
+# Score on S3DIS: not measured (the data set is not part of the repository). On the demo: not measured.
+_base_ = './_base_/s3dis.py'
+budget = 'onept'
 # A class has one label a scene: nothing corrects one that propagates too far.
 propagation = dict(max_extent=1.75)

@@ -1,4 +1,6 @@
-# RM3D semantic segmentation of Semantic3D from 0.2 % of the points.
-# Run: python tools/train.py configs/rm3d_sem_semantic3d_0p2pct.py [--demo]
-# Score on Semantic3D: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
-_base_ = ['./_base_/variants/sem_semantic3d.py', './_base_/budgets/points_0p2pct.py']
+# RM3D, classes of points of Semantic3D, from 0.2 % of the points.
+# Run: rm3d train rm3d_sem_semantic3d_0p2pct [--demo]
+# Time: not measured.
+# Score on Semantic3D: not measured (the data set is not part of the repository). On the demo: docs/RESULTS.md.
+_base_ = './_base_/semantic3d.py'
+budget = '0p2pct'

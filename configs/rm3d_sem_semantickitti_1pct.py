@@ -1,4 +1,6 @@
-# RM3D semantic segmentation of SemanticKITTI from 1 % of the points.
-# Run: python tools/train.py configs/rm3d_sem_semantickitti_1pct.py [--demo]
-# Score on SemanticKITTI: not measured (the data set is not part of the repository). Demo scores: docs/RESULTS.md.
-_base_ = ['./_base_/variants/sem_semantickitti.py', './_base_/budgets/points_1pct.py']
+# RM3D, classes of points of SemanticKITTI, from 1 % of the points.
+# Run: rm3d train rm3d_sem_semantickitti_1pct [--demo]
+# Time: not measured.
+# Score on SemanticKITTI: not measured (the data set is not part of the repository). On the demo: docs/RESULTS.md.
+_base_ = './_base_/semantickitti.py'
+budget = '1pct'

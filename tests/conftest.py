@@ -1,4 +1,4 @@
-"""Shared fixtures; shape annotations are checked at run time in the packages that hold no numba kernels."""
+"""Shared fixtures; shape annotations are checked at run time in every module that holds no numba kernels."""
 
 import json
 import os
@@ -9,9 +9,9 @@ from typing import Any
 os.environ.setdefault('OMP_NUM_THREADS', '1')
 os.environ.setdefault('MPLBACKEND', 'Agg')
 
-from jaxtyping import install_import_hook
+import shape_checks
 
-install_import_hook(['rm3d_plugin.structures', 'rm3d_plugin.models'], 'beartype.beartype')
+shape_checks.install()
 
 import pytest  # noqa: E402  the hook must stand before what it checks
 import torch  # noqa: E402
@@ -20,13 +20,25 @@ from runs import tiny_runs  # noqa: E402
 torch.set_num_threads(1)
 
 
+def find_real_data() -> Path | None:
+    """The folder that ``RM3D_REAL_DATA`` names, else ``shared/data`` beside the checkout or in it; None without any."""
+    named = os.environ.get('RM3D_REAL_DATA')
+    checkout = Path(__file__).resolve().parents[1]
+    places = [Path(named)] if named else [checkout.parent / 'shared' / 'data', checkout / 'shared' / 'data']
+    return next((place for place in places if place.is_dir()), None)
+
+
+def pytest_report_header() -> str:
+    folder = find_real_data()
+    return f'real scans: {folder or "none (RM3D_REAL_DATA names no folder); their tests are skipped"}'
+
+
 @pytest.fixture(scope='session')
 def real_data() -> Path:
     """Folder of small real scans; the tests that need it are skipped where it is absent."""
-    default = Path(__file__).resolve().parents[2] / 'shared' / 'data'
-    folder = Path(os.environ.get('RM3D_REAL_DATA', default))
-    if not folder.is_dir():
-        pytest.skip(f'real data not found at {folder}; set RM3D_REAL_DATA')
+    folder = find_real_data()
+    if folder is None:
+        pytest.skip('no real scans: RM3D_REAL_DATA names no folder, and ../shared/data is not there')
     return folder
 
 

@@ -1,36 +1,8 @@
-"""Measure a part of RM3D: ``tools/bench.py octree --points 1000000 --threads 1 --json out.json``."""
+"""``python tools/bench.py ...`` is ``rm3d bench ...``."""
 
-import argparse
-import json
-from pathlib import Path
+import sys
 
-import numba
-import torch
-from benchmarks import descriptors, first_call, large_scene, octree, prepare, regions, sparse_unet, training_step
-
-BENCHMARKS = (sparse_unet, training_step, octree, *descriptors.ALL, *regions.ALL, prepare, large_scene, first_call)
-
-
-def main() -> None:
-    """Run one benchmark, print its numbers and write them as JSON if asked."""
-    parser = argparse.ArgumentParser(description='Benchmarks of RM3D; medians of interleaved repeats.')
-    commands = parser.add_subparsers(required=True, metavar='BENCHMARK')
-    for benchmark in BENCHMARKS:
-        command = commands.add_parser(benchmark.NAME, help=benchmark.HELP)
-        command.add_argument('--threads', type=int, default=1, help='threads of torch and of our kernels')
-        command.add_argument('--repeats', type=int, default=7, help='timed repeats; the median counts')
-        command.add_argument('--json', type=Path, help='file that receives the numbers')
-        benchmark.add_arguments(command)
-        command.set_defaults(run=benchmark.run)
-    args = parser.parse_args()
-    torch.set_num_threads(args.threads)
-    numba.config.NUMBA_NUM_THREADS = args.threads
-    text = json.dumps(args.run(args), indent=2)
-    print(text)
-    if args.json is not None:
-        args.json.parent.mkdir(parents=True, exist_ok=True)
-        args.json.write_text(text + '\n')
-
+from rm3d_plugin.commands.main import run
 
 if __name__ == '__main__':
-    main()
+    sys.exit(run('bench'))

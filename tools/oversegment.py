@@ -1,63 +1,8 @@
-"""Divide a scan of any usual kind into regions; .ply, .npz or .html out."""
+"""``python tools/oversegment.py ...`` is ``rm3d oversegment ...``."""
 
-import argparse
 import sys
-from collections.abc import Sequence
-from pathlib import Path
 
-from mmengine.config import DictAction
-
-from rm3d_plugin.engine.run import exit_code
-from rm3d_plugin.inference.oversegment import oversegment_file
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Read the arguments and divide."""
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        epilog='Example: tools/oversegment.py room.ply --descriptor FPFH --oversegmenter VCCS '
-        '--oversegmenter-options seed_size=0.5 --out regions.html',
-    )
-    parser.add_argument('scan', type=Path, help='points in metres, z up')
-    parser.add_argument('--out', type=Path, required=True, help='.ply (coloured), .npz (labels) or .html (3D view)')
-    parser.add_argument('--descriptor', default='AdaptedPFH', help='type name, FPFH say; default AdaptedPFH')
-    parser.add_argument(
-        '--oversegmenter', default='RegionGrowing', help='RegionGrowing, VCCS or CutPursuit; default RegionGrowing'
-    )
-    parser.add_argument('--preset', choices=['indoor', 'lidar'], help='numbers that suit a kind of scene')
-    parser.add_argument(
-        '--columns',
-        help="names of a table's columns, - for one to pass over: 'x y z red green blue -'; default: by their number, "
-        "3 'x y z', 4 with intensity, 6 with red green blue, 7 with intensity red green blue",
-    )
-    parser.add_argument(
-        '--tune',
-        type=Path,
-        metavar='LABELS',
-        help='CSV (scene,x,y,z,class or scene,index,class) or JSON with some labelled points of the scan: theta and '
-        'zeta of RegionGrowing are chosen by them',
-    )
-    parser.add_argument('--target-regions', type=int, help='regions that --tune aims at; default: one for 150 points')
-    for part in ('descriptor', 'oversegmenter'):
-        parser.add_argument(
-            f'--{part}-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help=f'of the {part}'
-        )
-    args = parser.parse_args(arguments)
-    regions = oversegment_file(
-        args.scan,
-        args.out,
-        args.descriptor,
-        args.oversegmenter,
-        args.preset,
-        args.descriptor_options,
-        args.oversegmenter_options,
-        args.columns,
-        args.tune,
-        args.target_regions,
-    )
-    discarded = int((regions.labels < 0).sum())
-    print(f'{args.out}: {len(regions)} regions of {len(regions.labels)} points, {discarded} points discarded')
-
+from rm3d_plugin.commands.main import run
 
 if __name__ == '__main__':
-    sys.exit(exit_code(main))
+    sys.exit(run('oversegment'))

@@ -1,20 +1,8 @@
-"""Make the regions and the first labels of every training scene, so that training starts at once."""
+"""``python tools/prepare.py ...`` is ``rm3d prepare ...``."""
 
-import argparse
 import sys
-from collections.abc import Sequence
 
-from rm3d_plugin.engine.run import add_config_arguments, config_of, exit_code, prepare
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Read the arguments and prepare."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_config_arguments(parser)
-    parser.add_argument('--jobs', type=int, default=1, help='processes; default 1')
-    args = parser.parse_args(arguments)
-    prepare(config_of(args), jobs=args.jobs)
-
+from rm3d_plugin.commands.main import run
 
 if __name__ == '__main__':
-    sys.exit(exit_code(main))
+    sys.exit(run('prepare'))

@@ -1,39 +1,8 @@
-"""Score a checkpoint on the validation scenes of a config."""
+"""``python tools/test.py ...`` is ``rm3d test ...``."""
 
-import argparse
 import sys
-from collections.abc import Mapping, Sequence
 
-from rm3d_plugin.engine.run import add_config_arguments, config_of, evaluate, exit_code
-from rm3d_plugin.evaluation.functional.kitti_table import format_table, table_rows
-from rm3d_plugin.evaluation.point_fields import format_columns
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Read the arguments and evaluate."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_config_arguments(parser)
-    parser.add_argument('checkpoint', help='checkpoint of a training run')
-    points = parser.add_argument_group('segmentation; the same keys as model.inference of a config')
-    points.add_argument('--votes', type=int, help='average over so many directions about z')
-    points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
-    points.add_argument('--chunk', dest='chunk_size', type=float, metavar='METRES', help='in chunks of this edge')
-    points.add_argument('--max-points', type=int, help='in chunks of at most so many points')
-    args = parser.parse_args(arguments)
-    config = config_of(args)
-    wanted = {name: getattr(args, name) for name in ('votes', 'flip', 'chunk_size', 'max_points')}
-    wanted = {name: value for name, value in wanted.items() if value is not None}
-    if wanted:
-        config.model.inference = {**(config.model.get('inference') or {}), **wanted}
-    print(metric_table(evaluate(config, args.checkpoint)))
-
-
-def metric_table(metrics: Mapping[str, float]) -> str:
-    """Detection: a line for each class, metric and threshold; else a line for each number."""
-    if table_rows(metrics):
-        return format_table(metrics)
-    return format_columns(('metric', '%'), [(name, f'{value:.2f}') for name, value in metrics.items()])
-
+from rm3d_plugin.commands.main import run
 
 if __name__ == '__main__':
-    sys.exit(exit_code(main))
+    sys.exit(run('test'))

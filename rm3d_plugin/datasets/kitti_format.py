@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rm3d_plugin.storage import write_text
 from rm3d_plugin.structures import Boxes3D, SceneError
 
 IMAGE_SIZE = (1242, 375)  # pixels, width and height of most KITTI images
@@ -166,7 +167,7 @@ def write_calib(path: Path | str, calib: KittiCalib) -> None:
         matrix = getattr(calib, key)
         if matrix is not None:
             lines.append(f'{key}: ' + ' '.join(f'{value:.12e}' for value in matrix.ravel()))
-    Path(path).write_text('\n'.join(lines) + '\n', encoding='ascii', newline='\n')
+    write_text(path, '\n'.join(lines) + '\n')
 
 
 def read_objects(path: Path | str) -> list[KittiObject]:
@@ -202,7 +203,7 @@ def write_objects(path: Path | str, objects: Sequence[KittiObject], full_precisi
         full_precision: Every digit of every float instead of KITTI's two decimals (four for the score).
     """
     lines = [format_object(item, full_precision) for item in objects]
-    Path(path).write_text(''.join(line + '\n' for line in lines), encoding='ascii', newline='\n')
+    write_text(path, ''.join(line + '\n' for line in lines))
 
 
 def format_object(item: KittiObject, full_precision: bool = False) -> str:

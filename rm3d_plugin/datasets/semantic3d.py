@@ -149,7 +149,7 @@ class Semantic3DDataset(SegmentationDataset):
         """For each line of the file, the row of :meth:`load_cloud` that stands for it; int32."""
         return np.concatenate(list(self.original_pieces(index)))
 
-    def original_pieces(self, index: int) -> Iterator[Int[np.ndarray, ' piece']]:
+    def original_pieces(self, index: int) -> Iterator[Int[np.ndarray, ' _piece']]:
         """The same piece by piece: what is written for 10^8 points need not be held at once."""
         if self.cache is None:
             if self._rows is None or self._rows[0] != index:

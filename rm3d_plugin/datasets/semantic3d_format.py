@@ -109,7 +109,7 @@ def thin_scene(
     return ThinScene(xyz, colors, intensity, semantic, num_points)
 
 
-def read_chunks(path: str | Path, columns: int, what: str, chunk: int = CHUNK) -> Iterator[Float[np.ndarray, 'r c']]:
+def read_chunks(path: str | Path, columns: int, what: str, chunk: int = CHUNK) -> Iterator[Float[np.ndarray, '_r c']]:
     """The rows of a text file, some megabytes of text at a time.
 
     Args:

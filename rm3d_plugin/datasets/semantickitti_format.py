@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.storage.files import atomic_write
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
 CLASSES = (
@@ -101,23 +100,6 @@ def number_instances(
 def pack_labels(semantic: Int[np.ndarray, ' points'], instance: Int[np.ndarray, ' points']) -> bytes:
     """The bytes of a label file from raw ids and raw instance numbers, both below 65536."""
     return (semantic.astype('<u4') | instance.astype('<u4') << 16).tobytes()
-
-
-def write_predictions(path: str | Path, classes: Int[np.ndarray, ' points']) -> Path:
-    """Write predicted classes as the benchmark's submission wants them: ``sequences/NN/predictions/000000.label``.
-
-    Args:
-        path: The file; its folder is made.
-        classes: (N,) 0 .. 18 for every point of the scan, -1 = nothing said.
-
-    Raises:
-        ValueError: A number outside -1 .. 18.
-    """
-    classes = np.asarray(classes)
-    if len(classes) and not (-1 <= classes.min() and classes.max() < len(CLASSES)):
-        raise ValueError(f'classes: expected -1 to {len(CLASSES) - 1}, got {classes.min()} to {classes.max()}')
-    raw = np.where(classes >= 0, CLASS_TO_RAW[classes], 0)
-    return atomic_write(path, lambda file: file.write(pack_labels(raw, np.zeros_like(raw))))
 
 
 def read_lidar_poses(folder: str | Path) -> Float[np.ndarray, 'scans 4 4'] | None:

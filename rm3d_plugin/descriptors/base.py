@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.octree import Octree
-from rm3d_plugin.structures import Descriptors, PointCloud, Regions
+from rm3d_plugin.storage.fingerprint import Fingerprinted
+from rm3d_plugin.structures import Descriptors, PointCloud
 
 
 def cosine_similarity(
@@ -46,29 +47,6 @@ def growing_radii(cloud: PointCloud, radius: float, range_growth: float) -> Floa
     return radius * np.maximum(1.0, range_growth * distance)
 
 
-def region_means(
-    descriptors: Descriptors, regions: Regions, histogram: bool = False
-) -> Float[np.ndarray, 'regions features']:
-    """Mean descriptor of each region over its valid points, float64; zero where no point is valid (METHOD 6).
-
-    Args:
-        descriptors: One row a point of the scene.
-        regions: The partition of the scene.
-        histogram: Scale each mean to an L1 norm of 1.
-
-    Raises:
-        ValueError: The numbers of points differ.
-    """
-    if len(descriptors) != len(regions.labels):
-        raise ValueError(
-            f'region_means: {len(descriptors)} descriptors for {len(regions.labels)} points of the regions'
-        )
-    share = regions.pool_mean(descriptors.valid[:, None].astype(np.float64))
-    means = regions.pool_mean(np.where(descriptors.valid[:, None], descriptors.values, np.float32(0)))
-    scale = np.abs(means).sum(axis=1, keepdims=True) if histogram else share
-    return means / np.where(scale > 0, scale, 1.0)
-
-
 def virtual_viewpoint(xyz: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, '3']:
     """A viewpoint for a cloud whose sensor is not known (metres); it moves with the cloud under any rigid motion.
 
@@ -101,8 +79,10 @@ def cloud_normals(cloud: PointCloud, k: int, octree: Octree | None = None) -> Fl
     return np.where(estimate.valid[:, None], estimate.normals, np.float32(0))
 
 
-class Descriptor(ABC):
+class Descriptor(Fingerprinted, ABC):
     """Turns a cloud into one feature vector a point. Subclasses are final and registered in ``DESCRIPTORS``.
+
+    Caches name what it makes by its :meth:`fingerprint`: settings and weights are its public attributes.
 
     Attributes:
         presets: Kind of scene -> arguments that suit it; empty where the defaults serve everywhere.
@@ -132,10 +112,3 @@ class Descriptor(ABC):
         Returns:
             Values and validity, one row a point.
         """
-
-    @final
-    def similarity(
-        self, first: Float[np.ndarray, 'pairs features'], second: Float[np.ndarray, 'pairs features']
-    ) -> Float[np.ndarray, ' pairs']:
-        """Similarity of region means in [0, 1], row by row: :func:`cosine_similarity`."""
-        return cosine_similarity(first, second)

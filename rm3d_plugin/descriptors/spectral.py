@@ -94,7 +94,7 @@ def surface_spectra(samples: Float[np.ndarray, 'samples 3'], settings: SpectrumS
     return spectra
 
 
-def _linked(samples: Float[np.ndarray, 'samples 3'], link: float) -> list[Int[np.ndarray, ' rows']]:
+def _linked(samples: Float[np.ndarray, 'samples 3'], link: float) -> list[Int[np.ndarray, ' _rows']]:
     """Rows of each component of points that links join, in the order of their first points."""
     if len(samples) == 0:
         return []

@@ -13,7 +13,6 @@ from rm3d_plugin.ops.segment import segment_mean
 from rm3d_plugin.ops.voxel_grid import voxel_grid
 from rm3d_plugin.ops.zernike import (
     FEATURES,
-    Views,
     dodecahedron_views,
     draw_silhouette,
     silhouette_features,
@@ -84,27 +83,6 @@ def light_fields(
     return LightFields(values, valid)
 
 
-def light_field_distance(
-    first: Float[np.ndarray, 'pairs 450'], second: Float[np.ndarray, 'pairs 450'], views: Views | None = None
-) -> Float[np.ndarray, ' pairs']:
-    """Least L1 distance over the sixty rotations of the second descriptor, row by row, exactly.
-
-    Takes sixty times as long as the distance of the rows as they are, so it suits pairs of regions, not of points.
-
-    Raises:
-        ValueError: The shapes differ or are not (P, 450).
-    """
-    if first.shape != second.shape or first.ndim != 2 or first.shape[1] != 10 * FEATURES:
-        raise ValueError(f'light_field_distance: expected two arrays (P, 450), got {first.shape} and {second.shape}')
-    a = first.astype(np.float64).reshape(-1, 10, FEATURES)
-    b = second.astype(np.float64).reshape(-1, 10, FEATURES)
-    turns = (dodecahedron_views() if views is None else views).permutations
-    least = np.full(len(a), np.inf)
-    for turn in turns:
-        least = np.minimum(least, np.abs(a - b[:, turn]).sum(axis=(1, 2)))
-    return least
-
-
 def patch_centres(points: Float[np.ndarray, 'points 3'], spacing: float) -> Int[np.ndarray, ' patches']:
     """One point for each occupied cell of a grid: the nearest to the mean of the cell (ties: the lowest number)."""
     grid = voxel_grid(points, spacing)
@@ -122,8 +100,7 @@ class VisualSimilarity(Descriptor):
 
     It is computed for one point of each cell of a grid; the other points take it from the nearest of these. The time
     goes with the number of cells (about 1 / spacing^2 on surfaces) times the points of a patch and the pixels of ten
-    images. Directions are those of the scene, so rows of turned objects differ; :func:`light_field_distance` finds the
-    best of sixty rotations.
+    images. Directions are those of the scene, so rows of turned objects differ.
 
     Args:
         radius: Of a patch, metres (larger: more of an object is seen at once).

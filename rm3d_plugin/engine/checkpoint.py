@@ -23,7 +23,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         reason = str(error).partition('\n')[0]
         raise ConfigError(f'{path}: not a checkpoint that loads safely ({type(error).__name__}: {reason})') from error
     if not isinstance(state, dict) or not isinstance(state.get('state_dict'), dict):
-        raise ConfigError(f'{path}: holds no weights; expected a checkpoint written by tools/train.py')
+        raise ConfigError(f'{path}: holds no weights; expected a checkpoint of `rm3d train`')
     return state
 
 

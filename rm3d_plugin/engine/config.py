@@ -1,65 +1,28 @@
 """Configs whose leaves are one page: top-level keys, and references to them.
 
 A value that is exactly ``'${name}'`` becomes the top-level value ``name`` (any type; ``'${name.key}'`` goes deeper);
-inside a longer string the value is written out. References are resolved after ``--demo`` and ``--cfg-options``, so one
-key changes everything that uses it::
+inside a longer string the value is written out. References are OmegaConf's, and resolved after ``--demo`` and
+``--cfg-options``, so one key changes everything that uses it::
 
     data_root = 'data/kitti'
     train_dataloader = dict(dataset=dict(type='KittiDataset', data_root='${data_root}'))
 
-Three names are added: ``work_dir``, ``config_name`` and ``epochs`` (= rounds * sigma, the length of training).
+Four names are added: ``work_dir``, ``config_name``, ``is_demo`` and ``epochs`` (= rounds * sigma, the length of
+training). ``label_refreshes`` becomes a number where a config says None.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mmengine.config import Config
+from mmengine.utils import import_modules_from_strings
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
-_REFERENCE = re.compile(r'\$\{([\w.]+)\}')
-
-
-class ConfigError(ValueError):
-    """A config that cannot be run; the message names the key."""
-
-
-def _lookup(name: str, names: Mapping[str, Any], path: str) -> Any:
-    value: Any = names
-    for key in name.split('.'):
-        if not isinstance(value, Mapping) or key not in value:
-            raise ConfigError(f"{path}: '${{{name}}}' names no key of the config; top-level keys: {sorted(names)}")
-        value = value[key]
-    return value
-
-
-def resolve(value: Any, names: Mapping[str, Any], path: str = 'config', depth: int = 0) -> Any:
-    """Replace references in nested dicts, lists and strings.
-
-    Args:
-        value: Any part of a config.
-        names: Top-level keys that references may name.
-        path: Where ``value`` stands, for error messages.
-        depth: Levels of references followed so far.
-
-    Raises:
-        ConfigError: A reference names no key, or references go in a circle.
-    """
-    if depth > 20:
-        raise ConfigError(f'{path}: references go in a circle')
-    if isinstance(value, Mapping):
-        return {key: resolve(item, names, f'{path}.{key}', depth) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return type(value)(resolve(item, names, f'{path}[{i}]', depth) for i, item in enumerate(value))
-    if not isinstance(value, str):
-        return value
-    whole = _REFERENCE.fullmatch(value)
-    if whole:
-        return resolve(_lookup(whole[1], names, path), names, path, depth + 1)
-    if _REFERENCE.search(value):
-        text = _REFERENCE.sub(lambda match: str(_lookup(match[1], names, path)), value)
-        return resolve(text, names, path, depth + 1)
-    return value
+from rm3d_plugin.engine.config_files import ConfigError as ConfigError
+from rm3d_plugin.engine.config_files import find_config, shipped_bases, similar
+from rm3d_plugin.engine.renamed_options import HINTS, RENAMED
 
 
 def load_config(
@@ -68,19 +31,22 @@ def load_config(
     demo: bool = False,
     options: Mapping[str, Any] | None = None,
 ) -> Config:
-    """Read a config file, apply the demo settings and the user's options, and resolve references.
+    """Read a config, apply the demo settings and the user's options, and resolve references.
+
+    What comes back is what mmengine's ``Runner.from_cfg`` takes.
 
     Args:
-        path: A config leaf.
+        path: A config file, or one that comes with RM3D by its name: ``'rm3d_plugin::rm3d_votenet_kitti_1pct.py'``. In
+            a file of your own ``_base_`` may be such a name, too.
         work_dir: Where the run leaves its files; default ``work_dirs/<config name>[_demo]``.
         demo: Merge the config's own ``demo`` dict: embedded synthetic data, a small network, few epochs.
         options: Dotted keys to values, as ``--cfg-options`` gives them; they win over the demo settings.
 
     Raises:
-        ConfigError: The file is missing or no config, has no ``demo`` part, or holds a bad reference; or an option
-            names a key that the config does not have, or a part of one.
+        ConfigError: The file is missing or no config, has no ``demo`` part, holds a bad reference or an option that has
+            another name now; or an option names a key that the config does not have, or a part of one.
     """
-    path = Path(path)
+    path = find_config(path)
     config = _read(path)
     overrides = config.pop('demo', None)
     if demo:
@@ -92,22 +58,80 @@ def load_config(
     config.config_name = path.stem
     config.is_demo = demo
     config.epochs = _count(config, 'rounds') * _count(config, 'sigma')
-    plain = config.to_dict()
-    return Config(resolve(plain, plain), filename=config.filename)
+    if config.get('label_refreshes', 1) is None:
+        config.label_refreshes = max(config.rounds - _count(config, 'warm_up_rounds') + 1, 1)
+    resolved = Config(resolve(config.to_dict(), path), filename=config.filename)
+    _import_custom_modules(resolved)
+    return resolved
+
+
+def resolve(config: Mapping[str, Any], path: str | Path = 'config') -> dict[str, Any]:
+    """Replace references in nested dicts, lists and strings.
+
+    Args:
+        config: A whole config.
+        path: Its file, for error messages.
+
+    Raises:
+        ConfigError: A reference names no key, or references go in a circle.
+    """
+    try:
+        tree = OmegaConf.create(dict(config), flags={'allow_objects': True})
+        found: dict[str, Any] = OmegaConf.to_container(tree, resolve=True)  # type: ignore[assignment]
+        return found
+    except OmegaConfBaseException as error:
+        reason = str(error).partition('\n')[0]
+        raise ConfigError(f'{path}: {error.full_key}: {reason}; top-level keys: {sorted(config)}') from error
 
 
 def _read(path: Path) -> Config:
     if not path.is_file():
-        raise ConfigError(f'{path}: no such config; see configs/')
+        raise ConfigError(f'{path}: no such config{similar(path)}')
     if path.suffix != '.py':
         raise ConfigError(f'{path}: expected a .py config, got {path.suffix or "no suffix"}')
     try:
-        return Config.fromfile(str(path))
-    except (SyntaxError, NameError, FileNotFoundError, KeyError) as error:
+        with shipped_bases():
+            config = Config.fromfile(str(path), import_custom_modules=False)
+    except (SyntaxError, NameError, FileNotFoundError, KeyError, TypeError) as error:
         raise ConfigError(f'{path}: cannot be read as a config ({type(error).__name__}: {error})') from error
+    _refuse_old_names([*_dotted(config), *_dotted(config.get('demo') or {})], f'{path}: ')
+    return config
+
+
+def _dotted(values: Mapping[str, Any], prefix: str = '') -> list[str]:
+    """Every key of nested dicts: a, a.b, a.b.c, ..."""
+    keys = []
+    for key, value in values.items():
+        keys.append(f'{prefix}{key}')
+        keys += _dotted(value, f'{prefix}{key}.') if isinstance(value, Mapping) else []
+    return keys
+
+
+def _refuse_old_names(keys: Sequence[str], where: str) -> None:
+    """Raise where a key has another name now.
+
+    Raises:
+        ConfigError: All old names, each with its new one.
+    """
+    told = []
+    for old in dict.fromkeys(old for key in keys if (old := _old_name(key)) is not None):
+        new, hint = RENAMED[old], HINTS.get(old)
+        told.append(f'{old} is now {new}' * bool(new) + f'{old} is gone' * (not new) + f' ({hint})' * bool(hint))
+    if told:
+        raise ConfigError(where + '; '.join(told))
+
+
+def _old_name(key: str) -> str | None:
+    """The longest start of a dotted key that is an old name."""
+    while key not in RENAMED:
+        key, dot, _ = key.rpartition('.')
+        if not dot:
+            return None
+    return key
 
 
 def _apply(config: Config, options: Mapping[str, Any]) -> None:
+    _refuse_old_names([key for key in options if key not in _dotted(config)], '--cfg-options ')
     unknown = unknown_options(config, options)
     if unknown:
         raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in the config; keys: {sorted(config)}')
@@ -132,3 +156,15 @@ def _count(config: Config, key: str) -> int:
 def unknown_options(config: Config, options: Mapping[str, Any]) -> Sequence[str]:
     """Options whose first key the config does not have (a typing error, most likely); ask before they are merged."""
     return [key for key in options if key.split('.')[0] not in config]
+
+
+def _import_custom_modules(config: Config) -> None:
+    """Import what ``custom_imports`` names, so that the registries know a user's own parts."""
+    if not config.get('custom_imports'):
+        return
+    try:
+        import_modules_from_strings(**config.custom_imports)
+    except ImportError as error:
+        raise ConfigError(
+            f'custom_imports: {error}; install the package, or set PYTHONPATH to the folder that holds it'
+        ) from error

@@ -32,7 +32,7 @@ def joined_processes(launcher: str) -> Iterator[None]:
     if missing:
         raise ConfigError(
             f'--launcher pytorch: {", ".join(missing)} not set; start with '
-            '`torchrun --nproc_per_node N tools/train.py CONFIG --launcher pytorch`'
+            '`torchrun --nproc_per_node N -m rm3d_plugin train CONFIG --launcher pytorch`'
         )
     if torch.cuda.is_available():
         local, found = int(os.environ.get('LOCAL_RANK', 0)), torch.cuda.device_count()

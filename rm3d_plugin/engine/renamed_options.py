@@ -9,6 +9,12 @@ RENAMED: dict[str, str] = {
     'voxel_thin': 'voxel_downsample',
     'region_share': 'superpoint_smoothing',
     'prior_power': 'logit_adjustment',
+    'votes': 'tta_rotations',
+    'model.inference.votes': 'model.inference.tta_rotations',
+    'drops': '',
+    'restarts': '',
+    'point_group.offset_loss': 'instance_offsets',
+    'point_group.min_instance_points': 'instance_offsets.min_points',
     'gamma': 'region_prior.gamma',
     'level_reach': 'ground.max_distance',
     'rules': 'objects',
@@ -61,6 +67,8 @@ RENAMED: dict[str, str] = {
 """Old dotted key -> new one; '' where the option is gone."""
 
 HINTS: dict[str, str] = {
+    'drops': "param_scheduler='${step_schedule}' with milestones of your own",
+    'restarts': "param_scheduler='${step_schedule}' with milestones of your own",
     'strategy.use_color': 'merge.without=[color]',
     'strategy.use_scale': 'merge.without=[scale]',
     'strategy.use_descriptor': 'merge.without=[descriptor]',

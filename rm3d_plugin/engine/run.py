@@ -1,68 +1,26 @@
-"""From a resolved config to a runner; what every command of ``tools/`` shares."""
+"""From a resolved config to a run: train, prepare, score."""
 
-import argparse
 import os
-import re
 import shutil
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from mmengine.config import Config, DictAction
+from mmengine.config import Config
 from mmengine.dist import barrier, is_main_process
-from mmengine.registry import init_default_scope
 from mmengine.runner import Runner
 
-from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
-from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.distributed import use_launcher
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
+from rm3d_plugin.evaluation.records import ScoreRecord, records_of
 from rm3d_plugin.ops import _parallel
-from rm3d_plugin.registry import DATASETS, SCOPE, TASK_UTILS
-from rm3d_plugin.storage import DamagedFileError, write_json
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.registry import DATASETS, TASK_UTILS
+from rm3d_plugin.storage import remove_unfinished, write_json
 
 DEMO_NOTE = 'Demo data: the scenes are synthetic, scanned by virtual sensors; scores say nothing of real scans.'
-
-
-def add_config_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments by which every command finds its config."""
-    parser.add_argument('config', help='config file, for example configs/rm3d_votenet_kitti_1pct.py')
-    parser.add_argument('--demo', action='store_true', help='run on synthetic demo data, made on first use')
-    parser.add_argument('--work-dir', help='folder for everything the run leaves; default work_dirs/CONFIG')
-    parser.add_argument(
-        '--cfg-options',
-        nargs='+',
-        action=DictAction,
-        default={},
-        metavar='KEY=VALUE',
-        help='change config keys: data_root=/my/kitti descriptor.type=FPFH budget=3pct seed=1',
-    )
-
-
-def config_of(args: argparse.Namespace) -> Config:
-    """Read the config that the arguments name.
-
-    Raises:
-        ConfigError: No such config, a bad reference, or an option for a key that the config does not have.
-    """
-    config = load_config(args.config, args.work_dir, args.demo, args.cfg_options)
-    set_threads(int(config.threads))
-    init_default_scope(SCOPE)
-    if args.demo:
-        from rm3d_plugin.datasets.synthetic import make_demo  # virtual sensors take seconds to import
-
-        try:
-            if is_main_process():
-                print(DEMO_NOTE)
-                make_demo(config.data_root, **config.demo_data)
-        except ValueError as error:  # a folder that holds real data is left alone
-            raise ConfigError(f'--demo: {error}') from error
-        barrier()
-    return config
 
 
 def set_threads(count: int) -> None:
@@ -83,8 +41,7 @@ def train(config: Config, resume: bool = False, amp: bool = False, launcher: str
     check_data(config, 'train_dataloader', 'val_dataloader')
     work_dir = Path(config.work_dir)
     if is_main_process():
-        for part in work_dir.glob('.*.tmp'):  # what a killed run was writing
-            part.unlink(missing_ok=True)
+        remove_unfinished(work_dir, '*')
     checkpoint = latest_checkpoint(work_dir) if resume else None
     if checkpoint is None:
         if resume:
@@ -162,8 +119,15 @@ def use_amp(config: Config) -> None:
     config.optim_wrapper.loss_scale = 'dynamic'
 
 
-def evaluate(config: Config, checkpoint: str | Path) -> dict[str, Any]:
-    """Score a checkpoint on the validation scenes; writes ``test_metrics.json``.
+class Evaluation(NamedTuple):
+    """Scores of a checkpoint: the flat numbers, and the records that the metrics handed on."""
+
+    scores: dict[str, Any]
+    records: tuple[ScoreRecord, ...]
+
+
+def evaluate(config: Config, checkpoint: str | Path) -> Evaluation:
+    """Score a checkpoint on the validation scenes; writes the flat numbers to ``test_metrics.json``.
 
     Raises:
         ConfigError: The checkpoint cannot be read, or is of another model.
@@ -175,24 +139,6 @@ def evaluate(config: Config, checkpoint: str | Path) -> dict[str, Any]:
     with config_errors(config):
         runner = Runner.from_cfg(config)
     load_weights(runner.model, state, checkpoint)
-    metrics: dict[str, Any] = runner.test()
-    write_json(Path(config.work_dir) / 'test_metrics.json', metrics)
-    return metrics
-
-
-def exit_code(command: Callable[[Sequence[str] | None], None], arguments: Sequence[str] | None = None) -> int:
-    """Run a command; what the user can mend is told in one message with exit code 2, anything else is a crash."""
-    try:
-        command(arguments)
-    except (SceneError, ConfigError, DamagedFileError, DatasetNotFoundError) as error:
-        print(f'error: {_without_traceback(str(error))}', file=sys.stderr)
-        return 2
-    return 0
-
-
-def _without_traceback(text: str) -> str:
-    """The message alone, where a worker process of a dataloader sent its traceback along."""
-    _, separator, trace = text.partition('Original Traceback (most recent call last):\n')
-    if not separator:
-        return text
-    return re.split(r'^[\w.]+Error: ', trace, flags=re.MULTILINE)[-1].rstrip()
+    scores: dict[str, Any] = runner.test()
+    write_json(Path(config.work_dir) / 'test_metrics.json', scores)
+    return Evaluation(scores, records_of(runner.test_evaluator))

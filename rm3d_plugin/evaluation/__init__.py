@@ -4,6 +4,7 @@ from rm3d_plugin.evaluation.instance_seg_metric import InstanceSegMetric
 from rm3d_plugin.evaluation.kitti_metric import KittiMetric
 from rm3d_plugin.evaluation.overseg_metric import OversegMetric
 from rm3d_plugin.evaluation.pseudo_label_metric import PseudoLabelMetric
+from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, records_of
 from rm3d_plugin.evaluation.s3dis_instance_metric import S3DISInstanceMetric
 from rm3d_plugin.evaluation.sem_seg_metric import SemSegMetric
 from rm3d_plugin.evaluation.unlabelled_sem_seg_metric import UnlabelledSemSegMetric
@@ -13,7 +14,10 @@ __all__ = [
     'KittiMetric',
     'OversegMetric',
     'PseudoLabelMetric',
+    'RecordedMetric',
     'S3DISInstanceMetric',
+    'ScoreRecord',
     'SemSegMetric',
     'UnlabelledSemSegMetric',
+    'records_of',
 ]

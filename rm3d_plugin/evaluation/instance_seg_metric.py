@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from mmengine.evaluator import BaseMetric
 from mmengine.logging import print_log
 
 from rm3d_plugin.evaluation.functional.instance_ap import MIN_POINTS, OVERLAPS, InstanceAp, instance_ap
@@ -18,6 +16,7 @@ from rm3d_plugin.evaluation.point_fields import (
     percent,
     point_truth,
 )
+from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
 from rm3d_plugin.structures import SceneError
 
@@ -38,7 +37,7 @@ def overlap_of_sample(sample: Any, classes: Sequence[int], metric: str) -> Insta
     truth = point_truth(fields, masks.shape[1], metric)
     if truth.instance is None:
         raise SceneError(f'{metric}: scene {fields.get("scene_id", "")}: the sample has no pts_instance_mask')
-    whole = truth.spread(masks.astype(bool).T, False).T
+    whole = truth.scatter(masks.astype(bool).T, False).T
     try:
         return instance_overlap(truth.semantic, truth.instance, whole, labels, scores, classes)
     except ValueError as error:
@@ -46,7 +45,7 @@ def overlap_of_sample(sample: Any, classes: Sequence[int], metric: str) -> Insta
 
 
 @METRICS.register_module()
-class InstanceSegMetric(BaseMetric):
+class InstanceSegMetric(RecordedMetric):
     """AP, AP50 and AP25 of instances, in percent; see :func:`instance_ap`.
 
     Reads of each sample ``pred_instance_masks`` (K, n), ``pred_instance_labels`` (K,), ``pred_instance_scores`` (K,),
@@ -86,22 +85,21 @@ class InstanceSegMetric(BaseMetric):
         evaluated = self.evaluated
         self.results += [overlap_of_sample(sample, evaluated, 'InstanceSegMetric') for sample in data_samples]
 
-    def compute_metrics(self, results: list[InstanceOverlap]) -> dict[str, float]:
-        """The flat numbers over all scenes; the table goes to the log."""
+    def score(self, results: list[InstanceOverlap]) -> list[ScoreRecord]:
+        """The numbers over all scenes; the table goes to the log."""
         names = class_names(self.classes, self.dataset_meta, 'InstanceSegMetric')
         scores = instance_ap(results, self.evaluated, self.min_points, self.overlaps)
         print_log('Average precision of instances (%)\n' + format_ap(scores, names), logger='current')
-        named: dict[str, float] = {}
-        for column, label in enumerate(scores.classes):
-            for key in ('ap', 'ap50', 'ap25'):
-                value = float(getattr(scores, key)[column])
-                if not np.isnan(value):
-                    named[f'{key.upper()}_{names[label]}'] = 100 * value
-        return named | {
-            'AP': 100 * scores.mean_ap,
-            'AP50': 100 * scores.mean_ap50,
-            'AP25': 100 * scores.mean_ap25,
-        }
+        return [
+            *(
+                share(f'{measure}_{names[label]}', float(values[column]), 'instances', measure, subject=names[label])
+                for column, label in enumerate(scores.classes)
+                for measure, values in (('AP', scores.ap), ('AP50', scores.ap50), ('AP25', scores.ap25))
+            ),
+            share('AP', scores.mean_ap, 'instances', 'AP'),
+            share('AP50', scores.mean_ap50, 'instances', 'AP50', headline='AP50 of instances'),
+            share('AP25', scores.mean_ap25, 'instances', 'AP25'),
+        ]
 
 
 def format_ap(scores: InstanceAp, names: Sequence[str]) -> str:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mmengine.evaluator import BaseMetric
 from mmengine.logging import print_log
 
 from rm3d_plugin.datasets.kitti_format import (
@@ -28,11 +27,11 @@ from rm3d_plugin.evaluation.functional.kitti_ap import (
     Sampling,
     kitti_ap,
 )
-from rm3d_plugin.evaluation.functional.kitti_table import flat_metrics, format_table
+from rm3d_plugin.evaluation.kitti_table import format_table, kitti_records
+from rm3d_plugin.evaluation.point_fields import class_names, numpy_of
+from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord
 from rm3d_plugin.registry import METRICS as METRIC_REGISTRY
 from rm3d_plugin.structures import Boxes3D, SceneError
-
-__all__ = ['FrameResult', 'KittiMetric', 'format_table', 'found_from_objects', 'truth_from_objects']
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +72,7 @@ def found_from_objects(objects: Sequence[KittiObject], boxes: Boxes3D) -> KittiD
 
 
 @METRIC_REGISTRY.register_module()
-class KittiMetric(BaseMetric):
+class KittiMetric(RecordedMetric):
     """Average precision of KITTI's classes, metrics and difficulties, in percent; see :func:`kitti_ap`.
 
     Reads of each sample ``pred_bboxes_3d``, ``pred_labels_3d``, ``pred_scores_3d`` (lidar frame) and metainfo
@@ -106,22 +105,15 @@ class KittiMetric(BaseMetric):
         self.classes = classes
         self.iou_sets = {'': dict(iou_thresholds)}
         if loose_iou_thresholds is not None:
-            self.iou_sets['_loose'] = dict(loose_iou_thresholds)
+            self.iou_sets['loose'] = dict(loose_iou_thresholds)
         self.metrics = tuple(metrics)
         self.sampling: Sampling = sampling
         self.export_dir = None if export_dir is None else Path(export_dir)
 
     @property
     def class_names(self) -> tuple[str, ...]:
-        """Names of the predicted class numbers.
-
-        Raises:
-            ValueError: Neither the metric nor the data set names them.
-        """
-        names = self.classes or (self.dataset_meta or {}).get('classes')
-        if not names:
-            raise ValueError('KittiMetric: no classes; pass classes=(...) or use a data set whose metainfo names them')
-        return tuple(names)
+        """Names of the predicted class numbers."""
+        return class_names(self.classes, self.dataset_meta, 'KittiMetric')
 
     def process(self, data_batch: Any, data_samples: Sequence[Any]) -> None:
         """Keep both sides of every frame of a batch."""
@@ -129,21 +121,21 @@ class KittiMetric(BaseMetric):
             fields = sample if isinstance(sample, Mapping) else sample.to_dict()
             self.results.append(self._frame(fields))
 
-    def compute_metrics(self, results: list[FrameResult]) -> dict[str, float]:
-        """The flat numbers over all frames; the table goes to the log."""
+    def score(self, results: list[FrameResult]) -> list[ScoreRecord]:
+        """The numbers over all frames; the table goes to the log."""
         truths, found = [r.truth for r in results], [r.found for r in results]
-        named: dict[str, float] = {}
-        for suffix, thresholds in self.iou_sets.items():
+        records: list[ScoreRecord] = []
+        for variant, thresholds in self.iou_sets.items():
             table = kitti_ap(truths, found, self.class_names, thresholds, self.metrics, self.sampling)
-            named |= flat_metrics(table, suffix)
-        print_log('KITTI average precision (%)\n' + format_table(named), logger='current')
-        return named
+            records += kitti_records(table, variant)
+        print_log('KITTI average precision (%)\n' + format_table(records), logger='current')
+        return records
 
     def _frame(self, fields: Mapping[str, Any]) -> FrameResult:
         scene_id = str(fields.get('scene_id', ''))
         objects, calib, image_size = _annotation(fields, scene_id)
         try:
-            boxes = Boxes3D(*(_numpy(fields[f'pred_{name}_3d']) for name in ('bboxes', 'labels', 'scores')))
+            boxes = Boxes3D(*(numpy_of(fields[f'pred_{name}_3d']) for name in ('bboxes', 'labels', 'scores')))
         except KeyError as error:
             raise SceneError(
                 f'scene {scene_id}: the sample has no {error}; the model must write it in predict'
@@ -171,8 +163,3 @@ def _annotation(fields: Mapping[str, Any], scene_id: str) -> tuple[Sequence[Kitt
         )
     items = [o if isinstance(o, KittiObject) else KittiObject(**o) for o in objects]
     return items, calib, tuple(fields.get('image_size', IMAGE_SIZE))
-
-
-def _numpy(values: Any) -> np.ndarray:
-    array: np.ndarray = values.detach().cpu().numpy() if hasattr(values, 'detach') else np.asarray(values)
-    return array

@@ -5,16 +5,15 @@ from functools import reduce
 from operator import add
 from typing import Any
 
-import numpy as np
-from mmengine.evaluator import BaseMetric
-
 from rm3d_plugin.evaluation.functional.boundary import BoundaryCounts, boundary_counts, scores_of
+from rm3d_plugin.evaluation.point_fields import numpy_of
+from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
 from rm3d_plugin.structures import SceneError
 
 
 @METRICS.register_module()
-class OversegMetric(BaseMetric):
+class OversegMetric(RecordedMetric):
     """Boundary recall, precision, F1 and oracle mIoU of regions, in percent; see :func:`boundary_counts`.
 
     Reads of each sample ``points`` (n, 3 or more columns), ``pts_semantic_mask``, ``pred_pts_region_mask`` (-1 =
@@ -48,35 +47,29 @@ class OversegMetric(BaseMetric):
             fields = sample if isinstance(sample, Mapping) else sample.to_dict()
             self.results.append(self._count(fields))
 
-    def compute_metrics(self, results: list[BoundaryCounts]) -> dict[str, float]:
-        """The flat numbers over all scenes; nothing where there was no scene."""
+    def score(self, results: list[BoundaryCounts]) -> list[ScoreRecord]:
+        """The numbers over all scenes; nothing where there was no scene."""
         if not results:
-            return {}
+            return []
         scores = scores_of(reduce(add, results))
-        shares = {
-            'boundary_recall': scores.recall,
-            'boundary_precision': scores.precision,
-            'boundary_f1': scores.f1,
-            'oracle_miou': scores.oracle_miou,
-            'oracle_accuracy': scores.oracle_accuracy,
-        }
-        return {name: 100 * share for name, share in shares.items()} | {
-            'regions_per_scene': scores.regions / len(results)
-        }
+        count = scores.regions / len(results)
+        return [
+            share('boundary_recall', scores.recall, 'regions', 'recall of boundaries'),
+            share('boundary_precision', scores.precision, 'regions', 'precision of boundaries'),
+            share('boundary_f1', scores.f1, 'regions', 'F1 of boundaries'),
+            share('oracle_miou', scores.oracle_miou, 'regions', 'oracle mIoU'),
+            share('oracle_accuracy', scores.oracle_accuracy, 'regions', 'oracle accuracy'),
+            ScoreRecord('regions_per_scene', count, 'regions', 'regions a scene', unit=''),
+        ]
 
     def _count(self, fields: Mapping[str, Any]) -> BoundaryCounts:
         needed = ('points', 'pts_semantic_mask', 'pred_pts_region_mask')
         if missing := [name for name in needed if fields.get(name) is None]:
             raise SceneError(f'OversegMetric: scene {fields.get("scene_id", "")}: the sample has no {missing}')
-        xyz, classes, regions = (_numpy(fields[name]) for name in needed)
+        xyz, classes, regions = (numpy_of(fields[name]) for name in needed)
         objects = fields.get('pts_instance_mask')
-        objects = None if objects is None else _numpy(objects)
+        objects = None if objects is None else numpy_of(objects)
         count = self.num_classes or len((self.dataset_meta or {}).get('classes', ()))
         if not count:
             raise ValueError('OversegMetric: no classes; pass num_classes or use a data set whose metainfo names them')
         return boundary_counts(xyz[:, :3], classes, regions, count, objects, self.neighbors, self.tolerance)
-
-
-def _numpy(values: Any) -> np.ndarray:
-    array: np.ndarray = values.detach().cpu().numpy() if hasattr(values, 'detach') else np.asarray(values)
-    return array

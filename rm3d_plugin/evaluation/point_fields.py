@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.structures import SceneError
 
 
@@ -31,10 +32,9 @@ class PointTruth:
         """Points of the scene."""
         return len(self.semantic) if self.original is None else int(self.original.max(initial=-1)) + 1
 
-    def spread(self, rows: np.ndarray, missing: Any) -> np.ndarray:
+    def scatter(self, rows: np.ndarray, missing: float) -> np.ndarray:
         """Predicted rows on the points of the truth; ``missing`` for points that were not predicted."""
-        out = np.full((self.scene_points, *rows.shape[1:]), missing, dtype=rows.dtype)
-        out[self.index] = rows
+        out = scatter_rows(rows, self.index, self.scene_points, missing)
         return out if self.original is None else out[self.original]
 
 

@@ -1,21 +1,18 @@
 """Quality of the pseudo labels of a label store as an mmengine metric: for reports, never for training."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 from operator import add
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mmengine.evaluator import BaseMetric
+from jaxtyping import Int
 from mmengine.logging import print_log
 
-from rm3d_plugin.evaluation.functional.pseudo_label_scores import (
-    PseudoLabelCounts,
-    PseudoLabelScores,
-    count_pseudo_labels,
-    pseudo_label_scores,
-)
+from rm3d_plugin.evaluation.functional.pseudo_label_counts import PseudoLabelCounts, SceneTruth, count_pseudo_labels
+from rm3d_plugin.evaluation.functional.pseudo_label_scores import PseudoLabelScores, pseudo_label_scores
 from rm3d_plugin.evaluation.point_fields import (
     class_names,
     fields_of,
@@ -24,13 +21,14 @@ from rm3d_plugin.evaluation.point_fields import (
     percent,
     point_truth,
 )
+from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
 from rm3d_plugin.storage import LabelStore
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import PseudoLabels, SceneError
 
 
 @METRICS.register_module()
-class PseudoLabelMetric(BaseMetric):
+class PseudoLabelMetric(RecordedMetric):
     """Coverage and precision (percent) and offset error (metres) of a round; see :func:`pseudo_label_scores`.
 
     Reads of each sample ``scene_id``, ``point_index`` where points were dropped, the truth ``pts_semantic_mask`` and
@@ -65,23 +63,15 @@ class PseudoLabelMetric(BaseMetric):
             fields = fields_of(sample, ['scene_id', 'pts_semantic_mask'], 'PseudoLabelMetric')
             self.results.append(self._count(fields, _coordinates(data_batch, fields, row), count))
 
-    def compute_metrics(self, results: list[PseudoLabelCounts]) -> dict[str, float]:
-        """The flat numbers over all scenes; the table goes to the log. Nothing where there was no scene."""
+    def score(self, results: list[PseudoLabelCounts]) -> list[ScoreRecord]:
+        """The numbers over all scenes; the table goes to the log. Nothing where there was no scene."""
         if not results:
-            return {}
+            return []
         names = class_names(self.classes, self.dataset_meta, 'PseudoLabelMetric')
         scores = pseudo_label_scores(reduce(add, results))
         text = format_pseudo_scores(scores, names, self.range_edges or ())
         print_log(f'Pseudo labels (%, metres)\n{text}', logger='current')
-        named = {
-            'coverage': 100 * scores.coverage,
-            'precision': 100 * scores.precision,
-            'offset_error': scores.offset_error,
-            'vote_error': scores.vote_error,
-        }
-        for key, values in (('coverage', scores.class_coverage), ('precision', scores.class_precision)):
-            named |= {f'{key}_{name}': 100 * float(value) for name, value in zip(names, values, strict=True)}
-        return {name: value for name, value in named.items() if not np.isnan(value)}
+        return pseudo_records(scores, names)
 
     def _count(self, fields: Mapping[str, Any], xyz: np.ndarray | None, count: int) -> PseudoLabelCounts:
         scene = str(fields['scene_id'])
@@ -96,17 +86,23 @@ class PseudoLabelMetric(BaseMetric):
             )
         votes = fields.get('pred_point_centers')
         return count_pseudo_labels(
-            labels.semantic[index],
-            labels.instance[index],
-            labels.point_is_annotated[index],
-            truth.semantic,
-            truth.instance,
+            points_of(labels, index),
+            SceneTruth(
+                truth.semantic,
+                truth.instance,
+                xyz,
+                ranges=None if xyz is None or self.range_edges is None else np.linalg.norm(xyz, axis=1),
+            ),
             count,
-            xyz,
-            None if votes is None else numpy_of(votes),
-            None if xyz is None or self.range_edges is None else np.linalg.norm(xyz, axis=1),
             self.range_edges or (0.0,),
+            voted_centres=None if votes is None else numpy_of(votes),
         )
+
+
+def points_of(labels: PseudoLabels, index: Int[np.ndarray, ' kept']) -> PseudoLabels:
+    """The labels of some points, with all boxes."""
+    names = ('semantic', 'instance', 'point_is_annotated', 'confidence')
+    return replace(labels, **{name: getattr(labels, name)[index] for name in names})
 
 
 def _coordinates(batch: Any, fields: Mapping[str, Any], row: int) -> np.ndarray | None:
@@ -116,6 +112,25 @@ def _coordinates(batch: Any, fields: Mapping[str, Any], row: int) -> np.ndarray 
         of_batch = (batch.get('inputs') or {}).get('points')
         points = None if of_batch is None else of_batch[row]
     return None if points is None else numpy_of(points)[:, :3].astype(np.float64)
+
+
+def pseudo_records(scores: PseudoLabelScores, names: Sequence[str]) -> list[ScoreRecord]:
+    """The scores of a round, and coverage and precision of each class."""
+    metres = (('offset_error', scores.offset_error, 'offset error'), ('vote_error', scores.vote_error, 'vote error'))
+    columns = (('coverage', scores.class_coverage), ('precision', scores.class_precision))
+    return [
+        share('coverage', scores.coverage, 'pseudo labels', 'coverage'),
+        share('precision', scores.precision, 'pseudo labels', 'precision'),
+        *(
+            ScoreRecord(key, None if np.isnan(value) else value, 'pseudo labels', measure, unit='m')
+            for key, value, measure in metres
+        ),
+        *(
+            share(f'{key}_{name}', float(value), 'pseudo labels', key, subject=name)
+            for key, values in columns
+            for name, value in zip(names, values, strict=True)
+        ),
+    ]
 
 
 def format_pseudo_scores(scores: PseudoLabelScores, names: Sequence[str], range_edges: Sequence[float] = ()) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from mmengine.evaluator import BaseMetric
 from mmengine.logging import print_log
 
 from rm3d_plugin.evaluation.functional.instance_ap import instance_ap
@@ -15,11 +14,12 @@ from rm3d_plugin.evaluation.functional.instance_precision_recall import (
 )
 from rm3d_plugin.evaluation.instance_seg_metric import overlap_of_sample
 from rm3d_plugin.evaluation.point_fields import chosen_classes, class_names, format_columns, percent
+from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
 
 
 @METRICS.register_module()
-class S3DISInstanceMetric(BaseMetric):
+class S3DISInstanceMetric(RecordedMetric):
     """mPrec, mRec, mCov, mWCov and AP50, in percent; see :func:`instance_precision_recall`.
 
     Reads what :class:`InstanceSegMetric` reads. AP50 counts instances of any size.
@@ -59,26 +59,27 @@ class S3DISInstanceMetric(BaseMetric):
         evaluated = self.evaluated
         self.results += [overlap_of_sample(sample, evaluated, 'S3DISInstanceMetric') for sample in data_samples]
 
-    def compute_metrics(self, results: list[InstanceOverlap]) -> dict[str, float]:
-        """The flat numbers over all scenes; the table goes to the log."""
+    def score(self, results: list[InstanceOverlap]) -> list[ScoreRecord]:
+        """The numbers over all scenes; the table goes to the log."""
         names = class_names(self.classes, self.dataset_meta, 'S3DISInstanceMetric')
         sure = [scene.select(scene.scores >= self.min_score) for scene in results]
         scores = instance_precision_recall(sure, self.evaluated, self.overlap, self.asis_compat)
         ap = instance_ap(results, self.evaluated, min_points=0, overlaps=(0.5,))
         title = 'Precision, recall and coverage of instances (%)'
         print_log(f'{title}\n{format_precision_recall(scores, ap.ap50, names)}', logger='current')
-        named: dict[str, float] = {}
-        for column, label in enumerate(scores.classes):
-            if scores.truths[column]:
-                named[f'precision_{names[label]}'] = 100 * float(scores.precision[column])
-                named[f'recall_{names[label]}'] = 100 * float(scores.recall[column])
-        return named | {
-            'mPrec': 100 * scores.mean_precision,
-            'mRec': 100 * scores.mean_recall,
-            'mCov': 100 * scores.mean_coverage,
-            'mWCov': 100 * scores.mean_weighted_coverage,
-            'AP50': 100 * ap.mean_ap50,
-        }
+        return [
+            *(
+                share(f'{measure}_{names[label]}', float(values[column]), 'instances', measure, subject=names[label])
+                for column, label in enumerate(scores.classes)
+                if scores.truths[column]
+                for measure, values in (('precision', scores.precision), ('recall', scores.recall))
+            ),
+            share('mPrec', scores.mean_precision, 'instances', 'precision'),
+            share('mRec', scores.mean_recall, 'instances', 'recall'),
+            share('mCov', scores.mean_coverage, 'instances', 'mean coverage of instances'),
+            share('mWCov', scores.mean_weighted_coverage, 'instances', 'mean coverage of instances, weighted by size'),
+            share('AP50', ap.mean_ap50, 'instances', 'AP50', headline='AP50 of instances'),
+        ]
 
 
 def format_precision_recall(scores: InstancePrecisionRecall, ap50: np.ndarray, names: Sequence[str]) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from mmengine.evaluator import BaseMetric
 from mmengine.logging import print_log
 
 from rm3d_plugin.evaluation.functional.semantic_iou import (
@@ -24,11 +23,12 @@ from rm3d_plugin.evaluation.point_fields import (
     point_truth,
     predicted_classes,
 )
+from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
 
 
 @METRICS.register_module()
-class SemSegMetric(BaseMetric):
+class SemSegMetric(RecordedMetric):
     """Classes of points, in percent; see :func:`semantic_iou`.
 
     Reads of each sample ``pred_point_probs`` (n, C; further columns, such as background, count as no class) or
@@ -69,20 +69,21 @@ class SemSegMetric(BaseMetric):
                 fields_of(fields, ['pred_point_probs'], 'SemSegMetric')
                 rows = predicted_classes(numpy_of(fields['pred_point_probs']))
             truth = point_truth(fields, len(rows), 'SemSegMetric')
-            self.results.append(confusion_counts(truth.spread(rows, -1), truth.semantic, count, self.ignored))
+            self.results.append(confusion_counts(truth.scatter(rows, -1), truth.semantic, count, self.ignored))
 
-    def compute_metrics(self, results: list[np.ndarray]) -> dict[str, float]:
-        """The flat numbers over all scenes; the table goes to the log."""
+    def score(self, results: list[np.ndarray]) -> list[ScoreRecord]:
+        """The numbers over all scenes; the table goes to the log."""
         names = class_names(self.classes, self.dataset_meta, 'SemSegMetric')
         zero = np.zeros((len(names), len(names) + 1), dtype=np.int64)
         scores = semantic_scores(sum(results, zero), self.absent, self.accuracy_over)
         print_log('Classes of points (%)\n' + format_scores(scores, names), logger='current')
-        named = {f'IoU_{name}': 100 * float(v) for name, v in zip(names, scores.iou, strict=True) if not np.isnan(v)}
-        return named | {
-            'mIoU': 100 * scores.mean_iou,
-            'mAcc': 100 * scores.mean_accuracy,
-            'accuracy': 100 * scores.accuracy,
-        }
+        each = zip(names, scores.iou, strict=True)
+        return [
+            *(share(f'IoU_{name}', float(iou), 'points', 'IoU', subject=name) for name, iou in each),
+            share('mIoU', scores.mean_iou, 'points', 'IoU', headline='mIoU'),
+            share('mAcc', scores.mean_accuracy, 'points', 'mean recall of the classes'),
+            share('accuracy', scores.accuracy, 'points', 'correct points'),
+        ]
 
 
 def format_scores(scores: SemanticScores, names: Sequence[str]) -> str:
@@ -90,5 +91,5 @@ def format_scores(scores: SemanticScores, names: Sequence[str]) -> str:
     columns = zip(names, scores.iou, scores.recall, scores.precision, scores.points, strict=True)
     lines = [(name, percent(i), percent(r), percent(p), str(n)) for name, i, r, p, n in columns]
     mean = ('mean', percent(scores.mean_iou), percent(scores.mean_accuracy), '', str(int(scores.points.sum())))
-    right = ('all points right', percent(scores.accuracy), '', '', '')
-    return format_columns(('class', 'IoU', 'recall', 'precision', 'points'), [*lines, mean, right])
+    correct = ('correct points', percent(scores.accuracy), '', '', '')
+    return format_columns(('class', 'IoU', 'recall', 'precision', 'points'), [*lines, mean, correct])

@@ -45,7 +45,7 @@ class UnlabelledSemSegMetric(SemSegMetric):
             labels = self.label_store.read(fields['scene_id'])
             whole = slice(None) if truth.original is None else truth.original
             semantic = np.where(labels.point_is_annotated[whole], UNLABELLED, truth.semantic)
-            said = truth.spread(rows, -1)
+            said = truth.scatter(rows, -1)
             if self.keep_labels:
                 known = labels.semantic[whole]
                 said = np.where(known >= 0, known, said)

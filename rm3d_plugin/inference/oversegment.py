@@ -1,6 +1,5 @@
 """A scan in, its regions out: what tools/oversegment.py does."""
 
-import csv
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,12 +12,13 @@ from mmengine.registry import Registry
 import rm3d_plugin.descriptors
 import rm3d_plugin.oversegmentation  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.label_budgets import BudgetError, read_clicks
+from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.label_budgets.clicks import resolve_clicks
+from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.oversegmentation.tuning import Tuning, tune_region_growing
-from rm3d_plugin.regions.prepare import scatter, with_normals
+from rm3d_plugin.regions.prepare import with_normals
 from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
-from rm3d_plugin.storage import read_json, write_npz
+from rm3d_plugin.storage import click_classes, read_clicks, write_npz
 from rm3d_plugin.storage.ply import write_ply
 from rm3d_plugin.storage.scans import read_cloud
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions
@@ -94,7 +94,7 @@ def oversegment_file(
 
     Raises:
         SceneError: The scan cannot be used.
-        BudgetError: The file of labels cannot be used.
+        ClickFileError, BudgetError: The file of labels cannot be used.
         ConfigError: A part, argument or ending is not known, or needs a package that is not installed.
     """
     out = Path(out)
@@ -117,8 +117,8 @@ def oversegment_file(
             found = _tune(rest, described, known, options, target_regions)
             log(f'{Path(tune).name}: {_report(found)}')
             segmenter = build_part(OVERSEGMENTERS, oversegmenter, None, {**options, **found.options})
-        labels = np.asarray(segmenter.partition(rest, described), dtype=np.int64)
-        regions = Regions(scatter(labels, kept, len(cloud), fill=-1))
+        labels = np.asarray(segmenter.partition(rest, described, None, Path(scan).stem), dtype=np.int64)
+        regions = Regions(scatter_rows(labels, kept, len(cloud), fill=-1))
         write_regions(out, cloud, regions, Path(scan).name)
     except ImportError as error:
         raise ConfigError(str(error)) from error
@@ -129,25 +129,15 @@ def read_annotated_labels(path: str | Path, cloud: PointCloud, scene: str) -> In
     """Class of the labelled points of one scan, -1 elsewhere.
 
     Args:
-        path: CSV or JSON as :func:`rm3d_plugin.label_budgets.read_clicks` reads it, ``scene,x,y,z,class`` say; classes
+        path: CSV or JSON as :func:`rm3d_plugin.storage.read_clicks` reads it, ``scene,x,y,z,class`` say; classes
             are any names or numbers.
         cloud: The scan.
         scene: Its name in the file.
 
     Raises:
-        BudgetError: The file cannot be used, or labels no point of this scan.
+        ClickFileError, BudgetError: The file cannot be used, or labels no point of this scan.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise BudgetError(f'{path}: no such file of labels')
-    if path.suffix.lower() == '.json':
-        rows = [row for row in read_json(path) if isinstance(row, dict)]
-    else:
-        with path.open(encoding='utf-8-sig', newline='') as stream:
-            rows = list(csv.DictReader(stream, skipinitialspace=True))
-    cells = [{str(name).strip().lower(): value for name, value in row.items()}.get('class') for row in rows]
-    classes = sorted({str(cell).strip() for cell in cells if cell is not None})
-    clicks = [click for click in read_clicks(path, classes) if click.scene == scene]
+    clicks = [click for click in read_clicks(path, click_classes(path)) if click.scene == scene]
     if not clicks:
         raise BudgetError(f'{path}: labels no point of scene {scene!r}; the column scene names the scan without ending')
     annotated = resolve_clicks(clicks, cloud)

@@ -21,6 +21,7 @@ from rm3d_plugin.inference.predict_formats import ScanPrediction, check_format, 
 from rm3d_plugin.inference.trained import TrainedNetwork
 from rm3d_plugin.models.heads.proposals import Instances
 from rm3d_plugin.models.segmentors.scene_inference import Flip
+from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.storage.scans import ColorRange, read_scan
 from rm3d_plugin.structures import PointCloud, SceneError
@@ -36,7 +37,7 @@ class PointOptions:
 
     Attributes:
         format: See :data:`rm3d_plugin.inference.predict_formats.FORMATS`.
-        votes: Directions from which a scan is read; None: as in the run's config.
+        tta_rotations: Directions from which a scan is read; None: as in the run's config.
         flip: 'both': from each direction mirrored, too; None: as in the run's config.
         max_points: Scans with more points are predicted in chunks; None: as in the run's config, else MAX_POINTS.
         chunk_size: Metres; edge of the chunks; None: as ``max_points`` allows.
@@ -49,7 +50,7 @@ class PointOptions:
     """
 
     format: str = 'ply'
-    votes: int | None = None
+    tta_rotations: int | None = None
     flip: Flip | None = None
     max_points: int | None = None
     chunk_size: float | None = None
@@ -95,7 +96,7 @@ class Segmenter:
         """
         dataset, model = network.config.val_dataloader.dataset, network.model
         check_format(options.format, network.classes)
-        wanted = {name: getattr(options, name) for name in ('votes', 'flip', 'max_points', 'chunk_size')}
+        wanted = {name: getattr(options, name) for name in ('tta_rotations', 'flip', 'max_points', 'chunk_size')}
         wanted = {name: value for name, value in wanted.items() if value is not None}
         if model.inference.max_points is None and model.inference.chunk_size is None and 'chunk_size' not in wanted:
             wanted.setdefault('max_points', MAX_POINTS)
@@ -134,10 +135,10 @@ class Segmenter:
         except ValueError as error:
             raise SceneError(f'{name}: {error}') from error
         kept = len(thin.kept)
-        probs = _on_points(sample.pred_point_probs.numpy(), sample.point_index.numpy(), kept)
+        probs = scatter_rows(sample.pred_point_probs.numpy(), sample.point_index.numpy(), kept, fill=0)
         found = None
         if 'pred_instance_masks' in sample:
-            masks = _on_points(sample.pred_instance_masks.numpy().T, sample.point_index.numpy(), kept).T
+            masks = scatter_rows(sample.pred_instance_masks.numpy().T, sample.point_index.numpy(), kept, fill=0).T
             found = Instances(
                 masks[:, thin.rows], sample.pred_instance_labels.numpy(), sample.pred_instance_scores.numpy()
             )
@@ -182,15 +183,6 @@ def keep_labels(
         )
     known = own.semantic >= 0
     return np.where(known, own.semantic, semantic), np.where(known, own.confidence, confidence)
-
-
-def _on_points(rows: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
-    """Rows on the points they are about; zeros elsewhere."""
-    if len(rows) == count and np.array_equal(index, np.arange(count)):
-        return rows
-    out = np.zeros((count, *rows.shape[1:]), dtype=rows.dtype)
-    out[index] = rows
-    return out
 
 
 def _is(dataset: Mapping[str, Any], kind: str) -> bool:

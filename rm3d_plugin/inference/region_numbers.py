@@ -59,7 +59,8 @@ class RegionNumbers:
 
         def regions() -> np.ndarray:
             cloud = cloud_of_columns(points)
-            key = self.geometry.key(cloud, None)
-            return self.geometry.prepared(key, lambda: cloud, lambda: None, str(results['scene_id'])).regions.labels
+            name = str(results['scene_id'])
+            key = self.geometry.key(cloud, None, name)
+            return self.geometry.prepared(key, lambda: cloud, lambda: None, name).regions.labels
 
         return {**results, 'region': self._recent.get_or_make(np.ascontiguousarray(points), regions)}

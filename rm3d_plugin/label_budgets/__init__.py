@@ -10,7 +10,7 @@ from rm3d_plugin.label_budgets.audit import (
 from rm3d_plugin.label_budgets.base import BudgetError
 from rm3d_plugin.label_budgets.box_files import load_box_budget, save_box_budget
 from rm3d_plugin.label_budgets.boxes import BOX_BUDGETS, BoxAmount, BoxBudget, count_points, draw_box_budget
-from rm3d_plugin.label_budgets.clicks import Click, budget_from_clicks, clicks_of, read_clicks, write_clicks
+from rm3d_plugin.label_budgets.clicks import budget_from_clicks, clicks_of
 from rm3d_plugin.label_budgets.point_amount import PointAmount, point_amount
 from rm3d_plugin.label_budgets.point_files import load_point_budget, save_point_budget
 from rm3d_plugin.label_budgets.point_lists import import_point_list, read_point_list, read_scene_list
@@ -21,7 +21,6 @@ __all__ = [
     'BoxAmount',
     'BoxBudget',
     'BudgetError',
-    'Click',
     'PointAmount',
     'PointBudget',
     'AnnotatedPoints',
@@ -38,12 +37,10 @@ __all__ = [
     'load_box_budget',
     'load_point_budget',
     'point_amount',
-    'read_clicks',
     'read_point_list',
     'read_scene_list',
     'save_box_budget',
     'save_point_budget',
     'scramble_hidden',
     'scramble_hidden_points',
-    'write_clicks',
 ]

@@ -17,7 +17,7 @@ class BudgetError(SceneError):
     """A label budget that cannot be drawn or trusted; the message tells why and what to do."""
 
 
-def class_counts(arrays: Sequence[Int[np.ndarray, ' labels']]) -> dict[int, int]:
+def class_counts(arrays: Sequence[Int[np.ndarray, ' _labels']]) -> dict[int, int]:
     """Class number -> how often it comes in all arrays together."""
     numbers, counts = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *arrays]), return_counts=True)
     return dict(zip(numbers.tolist(), counts.tolist(), strict=True))

@@ -134,10 +134,10 @@ class BoxBudget:
 
 
 def draw_box_budget(
-    labels_per_scene: Mapping[str, Int[np.ndarray, ' boxes']],
+    labels_per_scene: Mapping[str, Int[np.ndarray, ' _boxes']],
     amount: BoxAmount | str,
     seed: int,
-    lidar_points: Mapping[str, Int[np.ndarray, ' boxes']] | None = None,
+    lidar_points: Mapping[str, Int[np.ndarray, ' _boxes']] | None = None,
     min_points: int = 5,
 ) -> BoxBudget:
     """Draw the boxes that training may see (METHOD 8).

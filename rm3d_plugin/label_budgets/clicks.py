@@ -1,11 +1,6 @@
-"""Labels that a person gave by clicking on points: CSV or JSON in and out."""
+"""Clicks become a budget and back: from points in the original file to points of a scene."""
 
-import csv
-import io
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,66 +10,10 @@ from rm3d_plugin.label_budgets.base import BudgetError, class_counts
 from rm3d_plugin.label_budgets.point_amount import PointAmount
 from rm3d_plugin.label_budgets.points import PointBudget, RowsOf, SceneSize, checked_budget
 from rm3d_plugin.ops.octree import Octree
-from rm3d_plugin.storage.files import read_json, write_json, write_text
+from rm3d_plugin.storage.click_files import Click
 from rm3d_plugin.structures import PointCloud
 
 TOLERANCE = 0.05  # m between a clicked place and the nearest point
-COLUMNS = ('scene', 'index', 'x', 'y', 'z', 'class', 'instance')
-
-
-@dataclass(frozen=True)
-class Click:
-    """One labelled point.
-
-    Attributes:
-        scene: Name of its scene.
-        semantic: Class number.
-        instance: Instance number, -1 = none.
-        index: Point number in the original file, or None where only the place is known.
-        xyz: Place in metres, in the coordinates of the original file, or None where only the number is known.
-        where: For error messages, such as ``clicks.csv line 3``.
-    """
-
-    scene: str
-    semantic: int
-    instance: int = -1
-    index: int | None = None
-    xyz: tuple[float, float, float] | None = None
-    where: str = 'click'
-
-
-def read_clicks(path: str | Path, classes: Sequence[str]) -> list[Click]:
-    """Read ``scene,index,class[,instance]`` or ``scene,x,y,z,class[,instance]``.
-
-    A CSV file begins with a line that names its columns, in any order; a JSON file is a list of objects with these
-    names. The class is a name or a number of ``classes``. Where both index and place are given, the place must be that
-    of the point.
-
-    Raises:
-        BudgetError: The file or one of its lines cannot be used; the message names both.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise BudgetError(f'{path}: no such file of clicks')
-    rows = _json_rows(path) if path.suffix.lower() == '.json' else _csv_rows(path)
-    clicks = [_click(where, row, classes) for where, row in rows]
-    if not clicks:
-        raise BudgetError(f'{path}: holds no click')
-    return clicks
-
-
-def write_clicks(path: str | Path, clicks: Sequence[Click], classes: Sequence[str]) -> None:
-    """Write clicks so that :func:`read_clicks` reads them back: ``.json``, anything else is CSV."""
-    path = Path(path)
-    rows = [_row(click, classes) for click in clicks]
-    if path.suffix.lower() == '.json':
-        write_json(path, [{name: value for name, value in row.items() if value != ''} for row in rows])
-        return
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
-    writer.writeheader()
-    writer.writerows(rows)
-    write_text(path, text.getvalue())
 
 
 def budget_from_clicks(
@@ -95,8 +34,8 @@ def budget_from_clicks(
         amount: Kept with the budget; with ``instances`` False the clicked instances are dropped.
         seed: Kept with the budget; of no other effect.
         tolerance: Metres; a place without a point so near is an error.
-        rows_of: For a thinned scene, the row of its cloud that stands for each point of the original file; clicks
-            count the points of the original file.
+        rows_of: For a voxel-downsampled scene, the row of its cloud that stands for each point of the original file;
+            clicks count the points of the original file.
 
     Raises:
         BudgetError: A click is of no such scene, on no point, or contradicts another.
@@ -194,80 +133,3 @@ def _nearest(
         nearest = Octree(xyz).knn(places[known], 1)
         number[known], distance[known] = nearest.indices[:, 0], np.sqrt(nearest.sq_dists[:, 0])
     return number, distance
-
-
-def _json_rows(path: Path) -> list[tuple[str, Mapping[str, Any]]]:
-    content = read_json(path)
-    if not isinstance(content, list) or not all(isinstance(row, dict) for row in content):
-        raise BudgetError(f'{path}: expected a list of objects with scene, class and index or x, y, z')
-    return [(f'{path} entry {i}', row) for i, row in enumerate(content, start=1)]
-
-
-def _csv_rows(path: Path) -> list[tuple[str, Mapping[str, Any]]]:
-    try:
-        text = path.read_text(encoding='utf-8-sig')
-    except UnicodeDecodeError as error:
-        raise BudgetError(f'{path}: expected UTF-8 text ({error})') from error
-    reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-    names = [name.strip().lower() for name in reader.fieldnames or ()]
-    if 'scene' not in names or 'class' not in names or not ('index' in names or {'x', 'y', 'z'} <= set(names)):
-        raise BudgetError(
-            f'{path}: the first line must name the columns: scene,index,class[,instance] or '
-            f'scene,x,y,z,class[,instance]; got {",".join(names)!r}'
-        )
-    reader.fieldnames = names
-    return [(f'{path} line {reader.line_num}', row) for row in reader]
-
-
-def _click(where: str, row: Mapping[str, Any], classes: Sequence[str]) -> Click:
-    cells = {name: '' if row.get(name) is None else str(row[name]).strip() for name in COLUMNS}
-    if not cells['scene']:
-        raise BudgetError(f'{where}: no scene given')
-    place = [cells[name] for name in 'xyz']
-    if not cells['index'] and not all(place):
-        raise BudgetError(f'{where}: expected an index or x, y and z')
-    index = _number(where, 'index', cells['index'], int) if cells['index'] else None
-    x, y, z = (
-        (_number(where, name, cell, float) for name, cell in zip('xyz', place, strict=True))
-        if all(place)
-        else (0.0,) * 3
-    )
-    instance = int(_number(where, 'instance', cells['instance'], int)) if cells['instance'] else -1
-    semantic = _class_number(where, cells['class'], classes)
-    return Click(
-        cells['scene'],
-        semantic,
-        max(instance, -1),
-        None if index is None else int(index),
-        (x, y, z) if all(place) else None,
-        where,
-    )
-
-
-def _number(where: str, name: str, text: str, kind: type[int] | type[float]) -> float:
-    try:
-        value = kind(text)
-    except ValueError:
-        value = float('nan')
-    if not np.isfinite(value):
-        raise BudgetError(f'{where}: {name}: expected a {"whole " * (kind is int)}number, got {text!r}')
-    return value
-
-
-def _class_number(where: str, text: str, classes: Sequence[str]) -> int:
-    if text in classes:
-        return list(classes).index(text)
-    if text.isdigit() and int(text) < len(classes):
-        return int(text)
-    raise BudgetError(f'{where}: class: expected one of {", ".join(classes)} or 0..{len(classes) - 1}, got {text!r}')
-
-
-def _row(click: Click, classes: Sequence[str]) -> dict[str, Any]:
-    place = ('', '', '') if click.xyz is None else click.xyz
-    return {
-        'scene': click.scene,
-        'index': '' if click.index is None else click.index,
-        **dict(zip('xyz', (value if value == '' else round(float(value), 4) for value in place), strict=True)),
-        'class': classes[click.semantic],
-        'instance': '' if click.instance < 0 else click.instance,
-    }

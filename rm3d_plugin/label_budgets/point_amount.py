@@ -33,7 +33,7 @@ class PointAmount:
         scene_percent: Share of the scenes that are labelled completely, in (0, 100], in per cent; at least one scene.
         point_list: File of points for each scene, see :func:`rm3d_plugin.label_budgets.read_point_list`.
         scene_list: Text file of the scenes that are labelled completely, one name a line.
-        clicks: File of labels that a person gave, see :func:`rm3d_plugin.label_budgets.read_clicks`.
+        clicks: File of labels that a person gave, see :func:`rm3d_plugin.storage.read_clicks`.
         instances: False hides the instance numbers (unsupervised instances); classes are annotated all the same.
 
     Raises:

@@ -29,8 +29,8 @@ def import_point_list(
         truth_of: The truth of a scene; each is asked for once.
         amount: Names the file.
         seed: Kept with the budget; of no other effect.
-        rows_of: For a thinned scene, the row of its points that stands for each point of the original file, which the
-            list counts.
+        rows_of: For a voxel-downsampled scene, the row of its points that stands for each point of the original file,
+            which the list counts.
 
     Raises:
         BudgetError: The file cannot be used, or names none of the scenes, or a point that a scene does not have.
@@ -57,7 +57,7 @@ def import_point_list(
     return collect_budget(scene_ids, truth_of, choose, (), amount, seed)
 
 
-def read_point_list(path: str | Path) -> dict[str, Int[np.ndarray, ' points']]:
+def read_point_list(path: str | Path) -> dict[str, Int[np.ndarray, ' _points']]:
     """Scene -> point numbers, from ``.pth`` or ``.pt`` (torch), ``.npz`` (an array a scene) or ``.json``.
 
     A file without one of these endings is read as torch's, as ScanNet's lists ``points20`` ... ``points200`` are.

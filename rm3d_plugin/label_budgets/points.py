@@ -62,7 +62,7 @@ class PointBudget:
         if self.sizes[scene_id].points != points:
             raise BudgetError(
                 f'scene {scene_id}: the label budget was drawn from {self.sizes[scene_id].points} points, the scene '
-                f'has {points}; cropping, thinning or data changed, draw the budget again'
+                f'has {points}; cropping, voxel downsampling or data changed, draw the budget again'
             )
 
     def points_of(self, scene_id: str, points: int) -> AnnotatedPoints:
@@ -266,7 +266,7 @@ def _counts_array(semantic: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' cla
     return np.bincount(semantic[semantic >= 0])
 
 
-def _add(counts: Sequence[Int[np.ndarray, ' classes']]) -> dict[int, int]:
+def _add(counts: Sequence[Int[np.ndarray, ' _classes']]) -> dict[int, int]:
     total = np.zeros(max((len(row) for row in counts), default=0), dtype=np.int64)
     for row in counts:
         total[: len(row)] += row

@@ -5,8 +5,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
-from rm3d_plugin.labeling.round_summary import PointTruth, summarise_points
+from rm3d_plugin.labeling.round_summary import summarise_points
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, LabelStatistics, PseudoLabels, Regions
@@ -62,13 +63,13 @@ def evaluate_points(label_maker: LabelMaker, number: int) -> dict[str, Any]:
     return summarise_points(_with_truth(label_maker, number), label_maker.source.classes)
 
 
-def _with_truth(label_maker: LabelMaker, number: int) -> Iterator[tuple[PseudoLabels, PointTruth | None]]:
+def _with_truth(label_maker: LabelMaker, number: int) -> Iterator[tuple[PseudoLabels, SceneTruth | None]]:
     source = label_maker.source
     for scene, index in label_maker.index_of.items():
         truth = source.truth(index)
         known = None
         if truth is not None and truth.semantic is not None:
-            known = PointTruth(source.load_cloud(index).xyz, truth.semantic, truth.instance)
+            known = SceneTruth(truth.semantic, truth.instance, source.load_cloud(index).xyz)
         yield label_maker.store.read(scene, number), known
 
 

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
+from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
-from rm3d_plugin.labeling.round_summary import summarise
+from rm3d_plugin.labeling.round_summary import summarise_boxes
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import (
@@ -24,7 +25,6 @@ from rm3d_plugin.pseudo_labels import (
     detection_rules,
     refresh_detection,
 )
-from rm3d_plugin.pseudo_labels.common.quality import SceneTruth
 from rm3d_plugin.pseudo_labels.common.strategy import Strategy
 from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes
 from rm3d_plugin.pseudo_labels.detection.objects import score_limits
@@ -163,9 +163,9 @@ class DetectionLabelMaker(LabelMaker):
         return self.scenes.get(scene_id).regions
 
     def evaluate(self, number: int) -> dict[str, Any]:
-        """Coverage and precision of the points, and which pseudo boxes are right."""
+        """Coverage and precision of the points, and which pseudo boxes are correct."""
         scenes = [(self.store.read(scene, number), self._truth(index)) for scene, index in self.index_of.items()]
-        return summarise(scenes, self.source.classes)
+        return summarise_boxes(scenes, self.source.classes)
 
     def _truth(self, index: int) -> SceneTruth | None:
         truth = self.source.truth(index)
@@ -173,7 +173,7 @@ class DetectionLabelMaker(LabelMaker):
             return None
         cloud = self.source.load_cloud(index)
         ranges = None if cloud.sensor is None else np.linalg.norm(cloud.xyz - cloud.sensor, axis=1)
-        return SceneTruth(truth.semantic, truth.boxes, ranges)
+        return SceneTruth(truth.semantic, boxes=truth.boxes, ranges=ranges)
 
 
 def _joined(parts: Iterable[Boxes3D]) -> Boxes3D:

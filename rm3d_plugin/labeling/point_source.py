@@ -19,13 +19,13 @@ from rm3d_plugin.label_budgets import (
     import_point_list,
     load_point_budget,
     point_amount,
-    read_clicks,
     save_point_budget,
 )
 from rm3d_plugin.label_budgets.clicks import TOLERANCE
 from rm3d_plugin.labeling.sources import DatasetSource
 from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.registry import TASK_UTILS
+from rm3d_plugin.storage import read_clicks
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, SceneError
 
 

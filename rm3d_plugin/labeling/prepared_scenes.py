@@ -51,7 +51,7 @@ class PreparedScenes:
 
     def _read(self, scene_id: str) -> PreparedScene:
         if scene_id not in self._keys:  # it stays as it is for the whole run
-            self._keys[scene_id] = self._geometry.key(self._cloud_of(scene_id), self._seeds_of(scene_id))
+            self._keys[scene_id] = self._geometry.key(self._cloud_of(scene_id), self._seeds_of(scene_id), scene_id)
         return self._geometry.prepared(
             self._keys[scene_id], lambda: self._cloud_of(scene_id), lambda: self._seeds_of(scene_id), scene_id
         )

@@ -1,6 +1,27 @@
 """Networks, heads and losses: everything that learns from labels."""
 
-from rm3d_plugin.models import backbones, detectors, heads, losses, segmentors
+from rm3d_plugin.models import backbones, consistency, detectors, heads, losses, segmentors
+from rm3d_plugin.models.batch import Batch
+from rm3d_plugin.models.consistency import View
+from rm3d_plugin.models.losses import LossTerm
+from rm3d_plugin.models.outputs import DetectorOutput, PointOutput, SegmentorOutput
+from rm3d_plugin.models.point_model import PointModel
 from rm3d_plugin.models.preprocessor import ScenePreprocessor, join_scenes
 
-__all__ = ['ScenePreprocessor', 'backbones', 'detectors', 'heads', 'join_scenes', 'losses', 'segmentors']
+__all__ = [
+    'Batch',
+    'DetectorOutput',
+    'LossTerm',
+    'PointModel',
+    'PointOutput',
+    'ScenePreprocessor',
+    'SegmentorOutput',
+    'View',
+    'backbones',
+    'consistency',
+    'detectors',
+    'heads',
+    'join_scenes',
+    'losses',
+    'segmentors',
+]

@@ -32,35 +32,35 @@ def join_scenes(parts: list[Tensor]) -> tuple[Tensor, Tensor]:
 class ScenePreprocessor(BaseDataPreprocessor):
     """Moves a collated batch to the model's device and concatenates its scenes.
 
-    In: ``inputs`` = dict of lists: ``points`` (n, D) and, with an augmented view, ``aug_points`` (m, D) with
-    ``aug_index`` (m,), the row of ``points`` that each augmented point was. Out: ``inputs`` = dict of ``points``
-    (N, D), ``batch_offsets`` (B + 1,), and ``aug_points``, ``aug_batch_offsets``, ``aug_index`` (rows of the joined
-    ``points``); the latter are left out where no scene of the batch has a point in its augmented view.
+    In: ``inputs`` = dict of ``points``, a list of (n, D), and, with further views, ``views``: a list of dicts of
+    ``points``, a list of (m, D), and ``point_ids``, a list of (m,): the row of its scene's points that each point of
+    the view is. Out: ``inputs`` = dict of ``points`` (N, D), ``batch_offsets`` (B + 1,) and ``views``, a list of dicts
+    of ``points``, ``batch_offsets`` and ``point_ids`` (rows of the joined ``points``). A view in which no scene of the
+    batch has a point is left out.
     """
 
     def forward(self, data: Any, training: bool = False) -> dict[str, Any]:
         """Join the scenes of one batch.
 
         Raises:
-            SceneError: An augmented view and its index differ in length, or an index lies outside its scene.
+            SceneError: A view and its point ids differ in length, or an id lies outside its scene.
         """
         data = self.cast_data(data)
         inputs = data['inputs']
         points, offsets = join_scenes(inputs['points'])
-        joined = {'points': points, 'batch_offsets': offsets}
-        if 'aug_points' in inputs:
-            self._check_view(inputs)
-        if any(len(view) for view in inputs.get('aug_points', ())):
-            joined['aug_points'], joined['aug_batch_offsets'] = join_scenes(inputs['aug_points'])
-            shifted = [rows + first for rows, first in zip(inputs['aug_index'], offsets[:-1], strict=True)]
-            joined['aug_index'] = torch.cat(shifted)
+        given = enumerate(inputs.get('views', ()))
+        views = [_joined_view(view, offsets, f'views[{i}]') for i, view in given if any(map(len, view['points']))]
+        joined = {'points': points, 'batch_offsets': offsets, 'views': views}
         return {'inputs': joined, 'data_samples': data.get('data_samples')}
 
-    @staticmethod
-    def _check_view(inputs: dict[str, list[Tensor]]) -> None:
-        views = zip(inputs['points'], inputs['aug_points'], inputs['aug_index'], strict=True)
-        for points, view, rows in views:
-            if len(view) != len(rows):
-                raise SceneError(f'aug_index: expected {len(view)} rows (one an augmented point), got {len(rows)}')
-            if len(rows) and not 0 <= int(rows.min()) <= int(rows.max()) < len(points):
-                raise SceneError(f'aug_index: expected rows of {len(points)} points, got up to {int(rows.max())}')
+
+def _joined_view(view: dict[str, list[Tensor]], offsets: Tensor, name: str) -> dict[str, Tensor]:
+    """One view of all scenes, its ids counted through the batch."""
+    for points, ids, size in zip(view['points'], view['point_ids'], offsets.diff().tolist(), strict=True):
+        if len(points) != len(ids):
+            raise SceneError(f'{name}.point_ids: expected {len(points)} ids (one a point), got {len(ids)}')
+        if len(ids) and not 0 <= int(ids.min()) <= int(ids.max()) < size:
+            raise SceneError(f'{name}.point_ids: expected rows of {size} points, got up to {int(ids.max())}')
+    points, batch_offsets = join_scenes(view['points'])
+    point_ids = torch.cat([ids + first for ids, first in zip(view['point_ids'], offsets[:-1], strict=True)])
+    return {'points': points, 'batch_offsets': batch_offsets, 'point_ids': point_ids}

@@ -30,7 +30,7 @@ class PointMasks(NamedTuple):
         return np.diff(self.offsets)
 
 
-def masks_of(parts: list[Int[np.ndarray, ' members']]) -> PointMasks:
+def masks_of(parts: list[Int[np.ndarray, ' _members']]) -> PointMasks:
     """Join the point numbers of each mask."""
     sizes = [len(part) for part in parts]
     indices = np.concatenate([np.zeros(0, dtype=np.int64), *parts]).astype(np.int64)

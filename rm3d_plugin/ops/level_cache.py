@@ -1,9 +1,10 @@
 """Kernel maps of batches that come again: scenes that are not augmented, or of which only the features change."""
 
-from collections import OrderedDict
+import math
 from hashlib import blake2b
 from typing import Any
 
+from cachetools import LRUCache
 from jaxtyping import Int64
 from torch import Tensor
 
@@ -26,8 +27,8 @@ class LevelCache:
         if megabytes < 0:
             raise ValueError(f'map_cache must be a size in megabytes, 0 for none, got {megabytes}')
         self.limit = megabytes * 2**20
-        self._kept: OrderedDict[bytes, VoxelLevel] = OrderedDict()
-        self._seen: OrderedDict[bytes, None] = OrderedDict()
+        self._kept: LRUCache[bytes, VoxelLevel] = LRUCache(math.inf)  # levels grow while they are kept
+        self._seen: LRUCache[bytes, None] = LRUCache(REMEMBERED)
 
     def __call__(self, coords: Int64[Tensor, 'voxels 4']) -> VoxelLevel:
         """The level of these coordinates, from the cache or made now.
@@ -41,13 +42,10 @@ class LevelCache:
         key = blake2b(level.keys.cpu().numpy().tobytes(), digest_size=16, key=str(coords.device).encode()).digest()
         self._shrink()
         if key in self._kept:
-            self._kept.move_to_end(key)
             return self._kept[key]
         if key in self._seen:
             self._kept[key] = level
         self._seen[key] = None
-        if len(self._seen) > REMEMBERED:
-            self._seen.popitem(last=False)
         return level
 
     def nbytes(self) -> int:
@@ -57,8 +55,8 @@ class LevelCache:
     def _shrink(self) -> None:
         """Maps are made while a level is in use, so sizes are looked at when the next one is asked for."""
         while self._kept and self.nbytes() > self.limit:
-            self._kept.popitem(last=False)
+            self._kept.popitem()
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy of a network, or one sent to another process, starts with an empty cache."""
-        return {'limit': self.limit, '_kept': OrderedDict(), '_seen': OrderedDict()}
+        return {'limit': self.limit, '_kept': LRUCache(math.inf), '_seen': LRUCache(REMEMBERED)}

@@ -141,11 +141,6 @@ class Octree:
     def __len__(self) -> int:
         return len(self.order)
 
-    @property
-    def octants(self) -> int:
-        """Number of octants, leaves included."""
-        return len(self._tree[2]) if len(self) else 0
-
     def radius(
         self,
         queries: Float[np.ndarray, 'queries 3'],

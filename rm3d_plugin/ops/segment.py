@@ -1,7 +1,7 @@
-"""Sums, means and votes over the points of each segment; a label of -1 takes a point out."""
+"""Sums, means and votes over the points of each segment, and back; a label of -1 takes a point out."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from numba import njit
 
 
@@ -48,21 +48,67 @@ def segment_sizes(labels: Int[np.ndarray, ' points'], count: int) -> Int[np.ndar
 
 
 def segment_majority(
-    values: Int[np.ndarray, ' points'], labels: Int[np.ndarray, ' points'], count: int
+    values: Int[np.ndarray, ' points'],
+    labels: Int[np.ndarray, ' points'],
+    count: int,
+    frequency: Int[np.ndarray, ' classes'] | None = None,
 ) -> Int[np.ndarray, ' segments']:
-    """Most frequent value of each segment, ties to the lower value; -1 where no point has a value of 0 or more."""
-    checked = _checked(labels, len(values), count)
-    voters = (checked >= 0) & (np.asarray(values) >= 0)
+    """Most frequent value of each segment; -1 where no point has a value of 0 or more (METHOD 1).
+
+    Args:
+        values: Class (or instance) of each point, -1 = none.
+        labels: Segment of each point, -1 = none.
+        count: Number of segments.
+        frequency: How often each value occurs among the annotated labels of training: on a tie the more frequent one
+            wins, then the lower one. None: the lower one wins at once.
+
+    Raises:
+        ValueError: A label is out of range, the rows do not match, or ``frequency`` lacks a value.
+    """
+    given, checked = np.asarray(values), _checked(labels, len(values), count)
+    voters = (checked >= 0) & (given >= 0)
     out = np.full(count, -1, dtype=np.int64)
     if not voters.any():
         return out
-    pairs, votes = np.unique(
-        np.stack([checked[voters], np.asarray(values)[voters]], axis=1), axis=0, return_counts=True
-    )
-    order = np.lexsort((pairs[:, 1], -votes, pairs[:, 0]))
+    if frequency is not None and given[voters].max() >= len(frequency):
+        raise ValueError(f'segment_majority: frequency of {len(frequency)} values, but there is {given[voters].max()}')
+    pairs, votes = np.unique(np.stack([checked[voters], given[voters]], axis=1), axis=0, return_counts=True)
+    common = np.zeros(len(pairs)) if frequency is None else np.asarray(frequency)[pairs[:, 1]]
+    order = np.lexsort((pairs[:, 1], -common, -votes, pairs[:, 0]))
     segments, first = np.unique(pairs[order, 0], return_index=True)
     out[segments] = pairs[order[first], 1]
     return out
+
+
+def scatter_rows(
+    rows: Shaped[np.ndarray, 'rows ...'], index: Int[np.ndarray, ' rows'], count: int, fill: float
+) -> Shaped[np.ndarray, 'points ...']:
+    """Rows put back on the points that they are about; ``fill`` elsewhere.
+
+    Args:
+        rows: Anything; the result has the same type.
+        index: Point of each row.
+        count: Number of points.
+        fill: Value of the points without a row.
+
+    >>> scatter_rows(np.array([7, 8]), np.array([2, 0]), 4, fill=-1)
+    array([ 8, -1,  7, -1])
+    """
+    out = np.full((count, *rows.shape[1:]), fill, dtype=rows.dtype)
+    out[index] = rows
+    return out
+
+
+def segment_values(
+    values: Shaped[np.ndarray, 'segments ...'], labels: Int[np.ndarray, ' points'], missing: float
+) -> Shaped[np.ndarray, 'points ...']:
+    """The value of each point's segment; ``missing`` for points of none.
+
+    >>> segment_values(np.array([0.5, 0.9]), np.array([1, -1, 0]), 0.0)
+    array([0.9, 0. , 0.5])
+    """
+    last = np.full((1, *values.shape[1:]), missing, dtype=values.dtype)
+    return np.concatenate([values, last])[labels]
 
 
 def segment_mean_axis(

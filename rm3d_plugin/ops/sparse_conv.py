@@ -1,7 +1,7 @@
 """Sparse convolution and pooling over a kernel map: output row += input row @ weight of the offset, for every pair."""
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -48,30 +48,6 @@ def sparse_conv(
         else:
             out = _SparseConv.apply(features.to(weight.dtype), weight, kernel_map)  # type: ignore[no-untyped-call]
     return out if bias is None else out + bias
-
-
-def sparse_pool(
-    features: Float[Tensor, 'inputs channels'], kernel_map: KernelMap, reduce: Literal['max', 'avg']
-) -> Float[Tensor, 'outputs channels']:
-    """Pool over the voxels that exist under the kernel; an output voxel with none of them is zero.
-
-    Args:
-        features: One row per input voxel.
-        kernel_map: From ``VoxelLevel.kernel_map``.
-        reduce: ``'max'`` (a tie sends its gradient to the lowest offset) or ``'avg'`` over existing voxels.
-    """
-    if reduce == 'max':
-        return _MaxPool.apply(features, kernel_map)  # type: ignore[no-untyped-call]
-    if reduce != 'avg':
-        raise ValueError(f"reduce must be 'max' or 'avg', got {reduce!r}")
-    ones = features.new_ones((len(kernel_map.starts) - 1, 1, 1))
-    counts = sparse_conv(features.new_ones((kernel_map.n_in, 1)), ones, kernel_map).clamp_(min=1)
-    return _SumPool.apply(features, kernel_map) / counts  # type: ignore[no-untyped-call]
-
-
-def _offset_pairs(kernel_map: KernelMap, k: int) -> tuple[Tensor, Tensor]:
-    pairs = slice(int(kernel_map.starts[k]), int(kernel_map.starts[k + 1]))
-    return kernel_map.pair_in[pairs], kernel_map.pair_out[pairs]
 
 
 def _forward(features: Tensor, weight: Tensor, kernel_map: KernelMap) -> Tensor:
@@ -137,50 +113,3 @@ class _SparseConv(torch.autograd.Function):
         if ctx.needs_input_grad[1]:
             grad_weight = _weight_grad(features, grad, ctx.kernel_map)
         return grad_features, grad_weight, None
-
-
-class _SumPool(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, features: Tensor, kernel_map: KernelMap) -> Tensor:
-        ctx.kernel_map = kernel_map
-        return _sum_pairs(features, kernel_map)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
-        return _sum_pairs(grad, ctx.kernel_map.transposed()), None
-
-
-def _sum_pairs(features: Tensor, kernel_map: KernelMap) -> Tensor:
-    out = features.new_zeros((kernel_map.n_out, features.shape[1]))
-    for k in range(len(kernel_map.starts) - 1):
-        rows_in, rows_out = _offset_pairs(kernel_map, k)
-        out.index_add_(0, rows_out, features.index_select(0, rows_in))
-    return out
-
-
-class _MaxPool(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, features: Tensor, kernel_map: KernelMap) -> Tensor:
-        best = features.new_full((kernel_map.n_out, features.shape[1]), -torch.inf)
-        winner = torch.full_like(best, -1, dtype=torch.int64)
-        for k in range(len(kernel_map.starts) - 1):
-            rows_in, rows_out = _offset_pairs(kernel_map, k)
-            candidate, current = features.index_select(0, rows_in), best.index_select(0, rows_out)
-            wins = candidate > current
-            best[rows_out] = torch.where(wins, candidate, current)
-            winner[rows_out] = torch.where(wins, rows_in[:, None].long(), winner[rows_out])
-        ctx.save_for_backward(winner)
-        ctx.kernel_map = kernel_map
-        return best.masked_fill_(winner < 0, 0)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
-        (winner,) = ctx.saved_tensors
-        out = grad.new_zeros((ctx.kernel_map.n_in, grad.shape[1]))
-        for k in range(len(ctx.kernel_map.starts) - 1):
-            rows_in, rows_out = _offset_pairs(ctx.kernel_map, k)
-            won = winner.index_select(0, rows_out) == rows_in[:, None]
-            out.index_add_(0, rows_in, grad.index_select(0, rows_out).masked_fill_(~won, 0))
-        return out, None

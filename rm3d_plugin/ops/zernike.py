@@ -4,7 +4,7 @@ from math import factorial
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Complex, Float
 from numba import njit
 
 ORDERS = [(n, m) for n in range(1, 11) for m in range(n % 2, n + 1, 2)]  # 35; (0, 0) is 1 for every silhouette
@@ -20,19 +20,15 @@ class Views(NamedTuple):
         axes: (10, 3) one of each pair of opposite vertices of a dodecahedron, unit.
         rights: (10, 3) first axis of each image.
         ups: (10, 3) second axis of each image.
-        rotations: (60, 3, 3) rotations that map the dodecahedron onto itself.
-        permutations: (60, 10) where each rotation takes each view.
     """
 
     axes: Float[np.ndarray, '10 3']
     rights: Float[np.ndarray, '10 3']
     ups: Float[np.ndarray, '10 3']
-    rotations: Float[np.ndarray, '60 3 3']
-    permutations: Int[np.ndarray, '60 10']
 
 
 def dodecahedron_views() -> Views:
-    """The ten directions and the sixty rotations among them."""
+    """The ten directions, in a fixed order."""
     golden = (1 + np.sqrt(5)) / 2
     signs = [(a, b) for a in (1.0, -1.0) for b in (1.0, -1.0)]
     corners = [(a, b, c) for a in (1.0, -1.0) for b, c in signs]
@@ -41,25 +37,9 @@ def dodecahedron_views() -> Views:
     vertices = np.array(corners) / np.sqrt(3)
     positive = [v for v in vertices if tuple(v.round(9)) > tuple((-v).round(9))]
     axes = np.array(sorted(positive, key=lambda v: tuple(v.round(9))))
-    rotations = _rotations(vertices)
-    turned = np.abs(np.einsum('rij,vj,wi->rvw', rotations, axes, axes))
     rights = np.cross(axes, np.array([0.2, 0.3, 1.0]))  # any will do: the features ignore rotations of the image
     rights /= np.linalg.norm(rights, axis=1, keepdims=True)
-    return Views(axes, rights, np.cross(axes, rights), rotations, turned.argmax(axis=2))
-
-
-def _rotations(vertices: Float[np.ndarray, '20 3']) -> Float[np.ndarray, '60 3 3']:
-    """One rotation for each directed edge: it takes the first edge there."""
-    cosines = (vertices @ vertices.T).round(9)
-    near = np.sort(np.unique(cosines))[-2]  # vertices at the ends of an edge
-    starts, ends = np.nonzero(cosines == near)
-
-    def frame(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        normal = np.cross(a, b) / np.linalg.norm(np.cross(a, b))
-        return np.stack([a, normal, np.cross(a, normal)], axis=1)
-
-    first = frame(vertices[starts[0]], vertices[ends[0]])
-    return np.array([frame(vertices[a], vertices[b]) @ first.T for a, b in zip(starts, ends, strict=True)])
+    return Views(axes, rights, np.cross(axes, rights))
 
 
 def zernike_basis(resolution: int) -> Complex[np.ndarray, 'rows columns 35']:

@@ -2,16 +2,19 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Int
 
 from rm3d_plugin.ops.ground import segment_ground
+from rm3d_plugin.ops.segment import scatter_rows
+from rm3d_plugin.storage.fingerprint import Fingerprinted
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions
 
 
-class Oversegmenter(ABC):
+class Oversegmenter(Fingerprinted, ABC):
     """Splits a scene into regions (METHOD 5).
 
     A subclass says how to :meth:`partition` points; taking the ground away first is the same for all.
@@ -19,14 +22,20 @@ class Oversegmenter(ABC):
     Args:
         ground: Options of :func:`rm3d_plugin.ops.ground.segment_ground`; ground points get the label -1. None keeps the
             ground.
+        scene_files: Path of a file that is read for each scene, with ``{scene}`` for its name; None: no file is read.
     """
 
-    def __init__(self, ground: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, ground: Mapping[str, Any] | None = None, scene_files: str | None = None) -> None:
         self.ground = None if ground is None else dict(ground)
+        self.scene_files = scene_files
 
     @abstractmethod
     def partition(
-        self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
+        self,
+        cloud: PointCloud,
+        descriptors: Descriptors,
+        seeds: Int[np.ndarray, ' seeds'] | None = None,
+        scene: str = '',
     ) -> Int[np.ndarray, ' points']:
         """Label every point of a cloud that holds no unwanted ground; -1 = discarded.
 
@@ -34,7 +43,13 @@ class Oversegmenter(ABC):
             cloud: The points; normals and curvature are used where present.
             descriptors: One row a point.
             seeds: Point numbers of labelled points, or None.
+            scene: Name of the scene; names its file, where one is read.
         """
+
+    @final
+    def scene_file(self, scene: str) -> Path | None:
+        """The file that is read for a scene, or None."""
+        return None if self.scene_files is None else Path(self.scene_files.format(scene=scene))
 
     @final
     def find_ground(self, cloud: PointCloud) -> Bool[np.ndarray, ' points']:
@@ -45,7 +60,11 @@ class Oversegmenter(ABC):
 
     @final
     def segment(
-        self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
+        self,
+        cloud: PointCloud,
+        descriptors: Descriptors,
+        seeds: Int[np.ndarray, ' seeds'] | None = None,
+        scene: str = '',
     ) -> Regions:
         """Regions of the whole cloud.
 
@@ -56,9 +75,8 @@ class Oversegmenter(ABC):
             raise ValueError(f'segment: expected {len(cloud)} descriptors (one a point), got {len(descriptors)}')
         kept = np.flatnonzero(~self.find_ground(cloud))
         rest = Descriptors(descriptors.values[kept], descriptors.valid[kept])
-        labels = np.full(len(cloud), -1, dtype=np.int64)
-        labels[kept] = self.partition(cloud.select(kept), rest, seeds_among(seeds, kept, len(cloud)))
-        return Regions(labels)
+        labels = self.partition(cloud.select(kept), rest, seeds_among(seeds, kept, len(cloud)), scene)
+        return Regions(scatter_rows(np.asarray(labels, dtype=np.int64), kept, len(cloud), fill=-1))
 
 
 def seeds_among(

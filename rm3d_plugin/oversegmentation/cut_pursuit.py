@@ -143,7 +143,11 @@ class CutPursuit(Oversegmenter):
         self.min_region = min_region
 
     def partition(
-        self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
+        self,
+        cloud: PointCloud,
+        descriptors: Descriptors,
+        seeds: Int[np.ndarray, ' seeds'] | None = None,
+        scene: str = '',
     ) -> Int[np.ndarray, ' points']:
         """Cut, then absorb small regions."""
         features = np.where(descriptors.valid[:, None], descriptors.values, np.float32(0))

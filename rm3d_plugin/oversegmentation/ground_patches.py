@@ -40,7 +40,7 @@ class GroundPatches(Oversegmenter):
     """
 
     def __init__(self, cell: float, rest: Mapping[str, Any], surface: Mapping[str, Any] | None = None) -> None:
-        super().__init__(ground=None)
+        super().__init__()
         if not cell > 0:
             raise ValueError(f'GroundPatches: expected cell > 0 (metres), got {cell}')
         self.cell, self.surface = float(cell), dict(surface or {})
@@ -51,7 +51,11 @@ class GroundPatches(Oversegmenter):
             )
 
     def partition(
-        self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
+        self,
+        cloud: PointCloud,
+        descriptors: Descriptors,
+        seeds: Int[np.ndarray, ' seeds'] | None = None,
+        scene: str = '',
     ) -> Int[np.ndarray, ' points']:
         """Find the ground, cut it up, and hand on the others."""
         labels = np.full(len(cloud), -1, dtype=np.int64)
@@ -62,6 +66,7 @@ class GroundPatches(Oversegmenter):
             cloud.select(others),
             Descriptors(descriptors.values[others], descriptors.valid[others]),
             seeds_among(seeds, others, len(cloud)),
+            scene,
         )
         labels[others] = np.where(found >= 0, found + labels.max(initial=-1) + 1, -1)
         return labels

@@ -1,5 +1,7 @@
 """A partition that came from elsewhere."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import final
 
 import numpy as np
@@ -7,7 +9,7 @@ from jaxtyping import Int
 
 from rm3d_plugin.oversegmentation.base import Oversegmenter
 from rm3d_plugin.registry import OVERSEGMENTERS
-from rm3d_plugin.structures import Descriptors, PointCloud
+from rm3d_plugin.structures import Descriptors, PointCloud, SceneError
 
 
 @OVERSEGMENTERS.register_module()
@@ -16,21 +18,53 @@ class Precomputed(Oversegmenter):
     """Uses given labels, whatever the descriptors.
 
     Args:
-        labels: Region of each point of the scene, -1 = discarded.
+        labels: Region of each point of the only scene, -1 = discarded.
+        files: For many scenes: path of the file of each, with ``{scene}`` for its name, such as
+            ``regions/{scene}.npz``. It is ``.npz`` with the array ``labels``, as ``oversegment`` writes, or ``.npy``.
+
+    Raises:
+        ValueError: Both or neither are given, or ``files`` does not name the scene.
     """
 
-    def __init__(self, labels: Int[np.ndarray, ' points']) -> None:
-        super().__init__(ground=None)  # A given partition says itself what is discarded.
-        self.labels = np.asarray(labels)
+    def __init__(
+        self, labels: Int[np.ndarray, ' points'] | Sequence[int] | None = None, files: str | None = None
+    ) -> None:
+        super().__init__(scene_files=files)  # ground is kept: a given partition says itself what is discarded
+        if (labels is None) == (files is None):
+            raise ValueError('Precomputed: expected labels (one scene) or files (many), got both or neither')
+        if files is not None and '{scene}' not in files:
+            raise ValueError(f'Precomputed.files: expected a path with {{scene}} in it, got {files!r}')
+        self.labels = None if labels is None else np.asarray(labels)
 
     def partition(
-        self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
+        self,
+        cloud: PointCloud,
+        descriptors: Descriptors,
+        seeds: Int[np.ndarray, ' seeds'] | None = None,
+        scene: str = '',
     ) -> Int[np.ndarray, ' points']:
         """The given labels.
 
         Raises:
+            SceneError: The scene has no file, or it is no list of whole numbers.
             ValueError: They are not one a point.
         """
-        if self.labels.shape != (len(cloud),):
-            raise ValueError(f'Precomputed.labels: expected shape ({len(cloud)},), got {self.labels.shape}')
-        return self.labels
+        path = self.scene_file(scene)
+        labels = self.labels if path is None else _read(path, scene)
+        assert labels is not None  # one of the two was given
+        if labels.shape != (len(cloud),):
+            where = 'Precomputed.labels' if path is None else str(path)
+            raise ValueError(f'{where}: expected shape ({len(cloud)},), one label a point, got {labels.shape}')
+        return labels
+
+
+def _read(path: Path, scene: str) -> Int[np.ndarray, ' points']:
+    if not path.is_file():
+        raise SceneError(f'Precomputed: scene {scene!r} has no file {path}; write one for every scene, or mend `files`')
+    try:
+        if path.suffix == '.npy':
+            return np.load(path, allow_pickle=False).astype(np.int64, casting='safe')
+        with np.load(path, allow_pickle=False) as arrays:
+            return arrays['labels'].astype(np.int64, casting='safe')
+    except (KeyError, ValueError, TypeError) as error:
+        raise SceneError(f'{path}: expected whole numbers, in .npz as the array `labels` ({error})') from error

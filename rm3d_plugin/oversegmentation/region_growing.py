@@ -198,7 +198,11 @@ class RegionGrowing(Oversegmenter):
         return cls(**PRESETS[name])
 
     def partition(
-        self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
+        self,
+        cloud: PointCloud,
+        descriptors: Descriptors,
+        seeds: Int[np.ndarray, ' seeds'] | None = None,
+        scene: str = '',
     ) -> Int[np.ndarray, ' points']:
         """Grow, absorb, drop."""
         if len(cloud) == 0:

@@ -161,7 +161,7 @@ def tune_options(
 def tune_region_growing(
     clouds: Sequence[PointCloud],
     descriptors: Sequence[Descriptors],
-    annotated_labels: Sequence[Int[np.ndarray, ' points']],
+    annotated_labels: Sequence[Int[np.ndarray, ' _points']],
     target_regions: int,
     base: Mapping[str, Any] | None = None,
     zetas: Sequence[float] = ZETAS,

@@ -66,7 +66,11 @@ class VCCS(Oversegmenter):
         self.normal_neighbors = normal_neighbors
 
     def partition(
-        self, cloud: PointCloud, descriptors: Descriptors, seeds: Int[np.ndarray, ' seeds'] | None = None
+        self,
+        cloud: PointCloud,
+        descriptors: Descriptors,
+        seeds: Int[np.ndarray, ' seeds'] | None = None,
+        scene: str = '',
     ) -> Int[np.ndarray, ' points']:
         """Supervoxel of each point."""
         papon = self.distance.kind == 'papon'

@@ -1,8 +1,7 @@
-"""Making labels: one scene in, labels out, and how good they are."""
+"""Making labels: one scene in, labels out."""
 
 from rm3d_plugin.pseudo_labels.common.annotated import AnnotatedLabels
 from rm3d_plugin.pseudo_labels.common.inputs import PointPrediction, RoundContext, SceneInputs
-from rm3d_plugin.pseudo_labels.common.quality import PseudoReport, SceneTruth, pseudo_report
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult
 from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
 from rm3d_plugin.pseudo_labels.detection.refresh import ObjectKnowledge, refresh_detection
@@ -21,17 +20,14 @@ __all__ = [
     'ObjectRules',
     'PointPrediction',
     'PropagationRules',
-    'PseudoReport',
     'RefreshResult',
     'RegionPriorRules',
     'RoundContext',
     'SceneInputs',
     'SceneKnowledge',
-    'SceneTruth',
     'SegmentationRules',
     'SelfTrainingRules',
     'detection_rules',
-    'pseudo_report',
     'refresh_detection',
     'refresh_segmentation',
     'segmentation_rules',

@@ -11,7 +11,7 @@ from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
 from rm3d_plugin.storage import SceneCache, content_key
 from rm3d_plugin.structures import PointCloud
 
-PREPARED_VERSION = 2  # raise it when the geometry path changes, so that older caches are not read
+PREPARED_VERSION = 3  # raise it when the geometry path changes, so that older caches are not read
 
 Seeds = Int[np.ndarray, ' seeds'] | None
 
@@ -36,15 +36,26 @@ class SceneGeometry:
         max_gap: float | None = None,
     ) -> None:
         self.cache = cache
-        self._settings = (dict(descriptor), dict(oversegmenter), graph_neighbors, max_gap)
         self._descriptor = DESCRIPTORS.build(dict(descriptor))
         self._oversegmenter = OVERSEGMENTERS.build(dict(oversegmenter))
         self._graph_neighbors, self._max_gap = graph_neighbors, max_gap
+        self._settings = (
+            self._descriptor.fingerprint(), self._oversegmenter.fingerprint(), graph_neighbors, max_gap
+        )  # fmt: skip
 
-    def key(self, cloud: PointCloud, seeds: Seeds) -> str:
-        """What the geometry of a scene depends on."""
-        channels = [values for values in (cloud.xyz, cloud.intensity, cloud.colors) if values is not None]
-        return content_key('prepared', PREPARED_VERSION, channels, self._settings, *([] if seeds is None else [seeds]))
+    def key(self, cloud: PointCloud, seeds: Seeds, name: str = 'scene') -> str:
+        """What the geometry of a scene depends on: its points, the seeds, and the parts with settings and weights.
+
+        Args:
+            cloud: Its points.
+            seeds: Points from which its over-segmentation starts.
+            name: Names the file of the scene, where the over-segmenter reads one.
+        """
+        # Not the sensor: who asks with the columns of a scan alone shall find the same regions.
+        channels = {'xyz': cloud.xyz, 'intensity': cloud.intensity, 'colors': cloud.colors}
+        path = self._oversegmenter.scene_file(name)
+        given = np.fromfile(path, dtype=np.uint8) if path is not None and path.is_file() else None
+        return content_key('prepared', PREPARED_VERSION, channels, self._settings, seeds, given)
 
     def prepared(
         self, key: str, cloud: Callable[[], PointCloud], seeds: Callable[[], Seeds], name: str
@@ -55,7 +66,7 @@ class SceneGeometry:
             key: Of the scene, see :meth:`key`.
             cloud: Reads its points, where they are needed.
             seeds: Points from which its over-segmentation starts.
-            name: For warnings.
+            name: Of the scene.
         """
 
         def make() -> dict[str, np.ndarray]:

@@ -5,10 +5,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from rm3d_plugin.descriptors.base import virtual_viewpoint
 from rm3d_plugin.ops.normals import estimate_normals
+from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.oversegmentation import Oversegmenter
 from rm3d_plugin.oversegmentation.base import seeds_among
 from rm3d_plugin.regions.graph import build_region_graph
@@ -84,7 +85,6 @@ def prepare_scene(
     graph_neighbors: int = 8,
     max_gap: float | None = None,
     seeds: Int[np.ndarray, ' seeds'] | None = None,
-    normal_neighbors: int = 20,
     name: str = 'scene',
 ) -> PreparedScene:
     """Ground off, normals, descriptor, over-segmentation, graph (METHOD 2, 3, 5, 6).
@@ -98,8 +98,7 @@ def prepare_scene(
         graph_neighbors: Adjacent regions that each region keeps.
         max_gap: Metres between adjacent regions; see :func:`rm3d_plugin.regions.graph.build_region_graph`.
         seeds: Numbers of labelled points, or None.
-        normal_neighbors: Neighbours for normals and curvature.
-        name: Of the scene, for warnings.
+        name: Of the scene; for warnings, and for an over-segmenter that reads a file of each scene.
 
     Returns:
         The scene with one label a point of ``cloud``.
@@ -110,16 +109,16 @@ def prepare_scene(
     """
     cloud = _usable_channels(cloud, name)
     kept = np.flatnonzero(~oversegmenter.find_ground(cloud))
-    rest = with_normals(cloud.select(kept), normal_neighbors)
+    rest = with_normals(cloud.select(kept))
     descriptors = descriptor.compute(rest)
     _tell_undescribed(descriptors, len(cloud), type(descriptor).__name__, name)
-    labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)))
+    labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)), name)
     graph = build_region_graph(rest, descriptors, Regions(labels), graph_neighbors, max_gap)
 
     assert rest.normals is not None and rest.curvature is not None
-    normals = scatter(rest.normals, kept, len(cloud), fill=0)
-    curvature = scatter(rest.curvature, kept, len(cloud), fill=0)
-    everywhere = scatter(np.asarray(labels, dtype=np.int64), kept, len(cloud), fill=-1)
+    normals = scatter_rows(rest.normals, kept, len(cloud), fill=0)
+    curvature = scatter_rows(rest.curvature, kept, len(cloud), fill=0)
+    everywhere = scatter_rows(np.asarray(labels, dtype=np.int64), kept, len(cloud), fill=-1)
     return PreparedScene(replace(cloud, normals=normals, curvature=curvature), Regions(everywhere), graph)
 
 
@@ -165,10 +164,3 @@ def with_normals(cloud: PointCloud, neighbors: int = 20) -> PointCloud:
     normals = np.where(found.valid[:, None], found.normals, 0.0) if cloud.normals is None else cloud.normals
     curvature = found.curvature if cloud.curvature is None else cloud.curvature
     return replace(cloud, normals=normals, curvature=curvature)
-
-
-def scatter(values: Float[np.ndarray, 'kept ...'], kept: Int[np.ndarray, ' kept'], total: int, fill: int) -> np.ndarray:
-    """Rows of the kept points put back among all points; ``fill`` elsewhere."""
-    out = np.full((total, *values.shape[1:]), fill, dtype=values.dtype)
-    out[kept] = values
-    return out

@@ -11,14 +11,15 @@ import rm3d_plugin.datasets
 import rm3d_plugin.models  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.run import config_errors
-from rm3d_plugin.label_budgets import Click, clicks_of, write_clicks
+from rm3d_plugin.label_budgets import clicks_of
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.labeling.sources import BoxBudgetSource, LabelSource
 from rm3d_plugin.registry import TASK_UTILS
+from rm3d_plugin.storage import Click, write_clicks
 from rm3d_plugin.visualization import BudgetSummary, Picture, RunReport, write_report
 from rm3d_plugin.visualization.label_picture import draw_label_picture
 
-CLICK_ENDINGS = ('.csv', '.json')
+CLICK_ENDINGS = ('.csv', '.json', '.jsonl')
 MAX_CLICKS = 200_000  # a budget that shows more is written as clicks only where a click file is asked for by name
 
 
@@ -57,7 +58,7 @@ def draw_labels(source: LabelSource, out: Path, title: str, max_scenes: int = 8,
     Args:
         source: The scenes and their budget.
         out: A folder: ``budget.json`` (with ``budget.npz``), ``clicks.csv`` and ``labels.html`` are written into it.
-            Or one file: ``.csv`` or ``.json`` for the labels as clicks, ``.html`` for the page alone.
+            Or one file: ``.csv``, ``.json`` or ``.jsonl`` for the labels as clicks, ``.html`` for the page alone.
         title: Headline of the page.
         max_scenes: Scenes with a label that the page shows.
         synthetic: True puts a note on the page that the data are synthetic.
@@ -72,7 +73,7 @@ def draw_labels(source: LabelSource, out: Path, title: str, max_scenes: int = 8,
     if ending in CLICK_ENDINGS:
         return [_write_clicks(out, source)]
     if ending not in ('', '.html') and not out.is_dir():
-        raise ConfigError(f'--out {out}: expected a folder, or a file that ends with .csv, .json or .html')
+        raise ConfigError(f'--out {out}: expected a folder, or a file that ends with .csv, .json, .jsonl or .html')
     folder = out.parent if ending == '.html' else out
     written = []
     if ending != '.html':

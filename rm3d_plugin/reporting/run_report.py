@@ -7,13 +7,13 @@ from typing import Any
 from mmengine.config import Config
 
 from rm3d_plugin.datasets.base import Truth
+from rm3d_plugin.engine.hooks.run_record_hook import final_records, score_records
 from rm3d_plugin.reporting.scores import (
     headlines,
     label_charts,
     loss_chart,
     point_table,
     result_rows,
-    result_table,
     score_chart,
 )
 from rm3d_plugin.storage import LabelStore, read_json
@@ -27,8 +27,6 @@ from rm3d_plugin.visualization import (
     draw_bev,
     scene_panels,
 )
-
-__all__ = ['budget_of', 'loss_chart', 'result_rows', 'result_table', 'run_report', 'scene_picture', 'score_chart']
 
 SHOWN_KEYS = ('descriptor', 'oversegmenter', 'strategy', 'budget', 'rounds', 'sigma', 'seed', 'data_root', 'batch_size')
 
@@ -79,8 +77,8 @@ def run_report(
 ) -> RunReport:
     """Everything the page shows; ``views`` and ``merges`` in segmentation only."""
     rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
-    charts = [loss_chart(record['losses']), score_chart(record['validation']), *label_charts(rounds)]
-    final = record.get('final', {})
+    charts = [loss_chart(record['losses']), score_chart(score_records(record)), *label_charts(rounds)]
+    final = final_records(record)
     facts = {'epochs': len(record['losses']), 'label rounds': len(rounds), 'work dir': Path(config.work_dir).name}
     return RunReport(
         title=str(config.get('config_name', 'RM3D run')),

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.evaluation.point_fields import predicted_classes
 from rm3d_plugin.labeling.label_maker import LabelMaker
+from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.structures import UNLABELLED, PointCloud, PseudoLabels
 from rm3d_plugin.visualization import BevPanel, Picture, draw_bev
 from rm3d_plugin.visualization.bev import class_point_colors, span_of
@@ -54,9 +55,8 @@ def point_classes(
         index: Point of each row; None: row by row.
         total: Points of the scene.
     """
-    out = np.full(total, UNLABELLED, dtype=np.int64)
-    out[np.arange(len(probabilities)) if index is None else index] = predicted_classes(probabilities)
-    return out
+    rows = np.arange(len(probabilities)) if index is None else index
+    return scatter_rows(predicted_classes(probabilities), rows, total, UNLABELLED)
 
 
 def point_instances(
@@ -73,9 +73,7 @@ def point_instances(
     rows = np.full(masks.shape[1], UNLABELLED, dtype=np.int64)
     for number in np.argsort(scores, kind='stable'):  # the surest last, on top
         rows[masks[number]] = number
-    out = np.full(total, UNLABELLED, dtype=np.int64)
-    out[np.arange(len(rows)) if index is None else index] = rows
-    return out
+    return scatter_rows(rows, np.arange(len(rows)) if index is None else index, total, UNLABELLED)
 
 
 def pick_scenes(label_maker: LabelMaker, count: int) -> list[str]:

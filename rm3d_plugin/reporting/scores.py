@@ -1,87 +1,57 @@
-"""From the flat numbers of metrics to the tables and curves of a report."""
+"""From the records of metrics to the tables and curves of a report."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rm3d_plugin.evaluation.kitti_table import format_table
+from rm3d_plugin.evaluation.records import ScoreRecord
 from rm3d_plugin.visualization import Chart, ResultRow, ScoreTable, Series
 
-_KITTI = re.compile(
-    r'(?P<name>\w+?)_(?P<metric>3d|bev)_(?P<level>easy|moderate|hard)_R40(@(?P<iou>[\d.]+)|(?P<loose>_loose)?)'
-)
-# Column of a class and the mean's key, as the metrics of segmentation name them.
-CLASS_COLUMNS = {
-    'IoU': 'mIoU',
-    'AP': 'AP',
-    'AP50': 'AP50',
-    'AP25': 'AP25',
-    'precision': 'mPrec',
-    'recall': 'mRec',
-}
-OVERALL = {
-    'mAcc': 'mean recall of the classes',
-    'accuracy': 'points that are right',
-    'mCov': 'mean coverage of instances',
-    'mWCov': 'mean coverage of instances, weighted by size',
-}
-HEADLINES = {
-    'mAP_3d_moderate_R40_loose': '3D AP, loose IoU',
-    'mAP_3d_moderate_R40': '3D AP, official IoU',
-    'mIoU': 'mIoU',
-    'AP50': 'AP50 of instances',
-}  # 3D AP: means, moderate
-CURVES = ('mIoU', 'mAcc', 'AP', 'AP50', 'AP25', 'mPrec', 'mRec', 'mCov', 'mWCov')
+BOX_MEASURES = ('3d AP R40', 'bev AP R40')  # the others stand in the log and in metrics.json
+POINT_TABLES = ('points', 'instances')
 NAN = float('nan')
 
 
-def result_rows(scores: Mapping[str, float]) -> list[ResultRow]:
-    """Rows (class, metric, easy, moderate, hard) of the 3D and bird's-eye AP (R40) among flat scores, percent."""
+def result_rows(records: Sequence[ScoreRecord]) -> list[ResultRow]:
+    """Rows (class, metric, easy, moderate, hard) of the 3D and bird's-eye AP (R40), percent."""
     table: dict[tuple[str, str], dict[str, float]] = {}
-    for key, value in scores.items():
-        match = _KITTI.fullmatch(key)
-        if match:
-            iou = f' @ {match["iou"]}' if match['iou'] else (' loose' if match['loose'] else '')
-            name = 'mean' if match['name'] == 'mAP' else match['name']
-            table.setdefault((name, f'{match["metric"]} AP R40{iou}'), {})[match['level']] = value
+    for record in records:
+        if record.table == 'boxes' and record.measure in BOX_MEASURES:
+            name = (record.subject or 'mean', f'{record.measure} {record.variant}'.strip())
+            table.setdefault(name, {})[record.level] = record.number
     return [
-        ResultRow(name, metric, row.get('easy', NAN), row.get('moderate', NAN), row.get('hard', NAN))
-        for (name, metric), row in table.items()
+        ResultRow(name, measure, row.get('easy', NAN), row.get('moderate', NAN), row.get('hard', NAN))
+        for (name, measure), row in table.items()
     ]
 
 
-def point_table(scores: Mapping[str, float | None]) -> ScoreTable | None:
-    """IoU, AP, precision and recall of each class among flat scores, percent, then the means; None without any.
+def point_table(records: Sequence[ScoreRecord]) -> ScoreTable | None:
+    """IoU, AP, precision and recall of each class, percent, then the means; None without any.
 
-    A prefix of a metric (``val/IoU_chair``) is left aside. Whole-scene numbers (:data:`OVERALL`) follow as rows of
-    their own, in the first column.
+    A measure that no class has (accuracy, say) follows in a row of its own, in the first column.
     """
-    flat = {key.rpartition('/')[2]: NAN if value is None else float(value) for key, value in scores.items()}
-    cells: dict[str, dict[str, float]] = {}
-    for key, value in flat.items():
-        column, separator, name = key.partition('_')
-        if separator and column in CLASS_COLUMNS:
-            cells.setdefault(name, {})[column] = value
-    means = {column: flat[key] for column, key in CLASS_COLUMNS.items() if key in flat}
-    columns = [c for c in CLASS_COLUMNS if c in means or any(c in row for row in cells.values())]
+    chosen = [record for record in records if record.table in POINT_TABLES]
+    columns = list(dict.fromkeys(record.measure for record in chosen if record.subject))
+    columns = columns or list(dict.fromkeys(record.measure for record in chosen))[:1]
     if not columns:
         return None
-    rows = [(name, *(row.get(c, NAN) for c in columns)) for name, row in cells.items()]
-    rows.append(('mean', *(means.get(c, NAN) for c in columns)))
-    rows += [(words, flat[key], *[NAN] * (len(columns) - 1)) for key, words in OVERALL.items() if key in flat]
+    cells: dict[str, dict[str, float]] = {}
+    for record in sorted(chosen, key=lambda record: not record.subject):  # classes first, the means last
+        if record.measure in columns:
+            cells.setdefault(record.subject or 'mean', {})[record.measure] = record.number
+    rows = [(name, *(row.get(column, NAN) for column in columns)) for name, row in cells.items()]
+    alone = {record.measure: record.number for record in chosen if record.measure not in columns}
+    rows += [(measure, number, *[NAN] * (len(columns) - 1)) for measure, number in alone.items()]
     return ScoreTable('Percent, on validation scenes', ('Class', *columns), rows)
 
 
-def result_table(scores: Mapping[str, float]) -> str:
+def result_table(records: Sequence[ScoreRecord]) -> str:
     """All class scores as plain text, one line a class; a dash where there was nothing to find."""
-    points = point_table(scores)
+    points = point_table(records)
     if points is not None:
         return _text(points, 44)
-    lines = [f'{"class":<12}{"metric":<22}{"easy":>8}{"moderate":>10}{"hard":>8}']
-    for row in result_rows(scores):
-        easy, moderate, hard = ('-' if math.isnan(v) else f'{v:.2f}' for v in (row.easy, row.moderate, row.hard))
-        lines.append(f'{row.class_name:<12}{row.metric:<22}{easy:>8}{moderate:>10}{hard:>8}')
-    return '\n'.join(lines)
+    return format_table([record for record in records if record.measure in BOX_MEASURES])
 
 
 def _text(table: ScoreTable, widest: int) -> str:
@@ -92,11 +62,9 @@ def _text(table: ScoreTable, widest: int) -> str:
     return '\n'.join(lines)
 
 
-def headlines(scores: Mapping[str, float | None]) -> dict[str, str]:
+def headlines(records: Sequence[ScoreRecord]) -> dict[str, str]:
     """The numbers that stand on top of the page."""
-    flat = {key.rpartition('/')[2]: value for key, value in scores.items()}
-    found = {name: flat.get(key) for key, name in HEADLINES.items()}
-    return {name: f'{value:.1f} %' for name, value in found.items() if value is not None}
+    return {r.headline: f'{r.value:.1f} %' for r in records if r.headline and r.value is not None}
 
 
 def loss_chart(losses: Mapping[str, Mapping[str, float]]) -> Chart | None:
@@ -110,24 +78,28 @@ def loss_chart(losses: Mapping[str, Mapping[str, float]]) -> Chart | None:
     return Chart('Training losses', 'epoch', 'mean loss', lines)
 
 
-def score_chart(validation: Mapping[str, Mapping[str, float]]) -> Chart | None:
-    """Moderate 3D AP, or the means of segmentation, of every validation; None where there are fewer than two."""
-    epochs = sorted(validation, key=int)
-    if len(epochs) < 2:
+def score_chart(validation: Mapping[int, Sequence[ScoreRecord]]) -> Chart | None:
+    """Moderate 3D AP, or the means of segmentation, of every validation; None where there are fewer than two.
+
+    Args:
+        validation: Records by epoch, in the order of the epochs.
+    """
+    if len(validation) < 2:
         return None
-    x = [int(epoch) for epoch in epochs]
-    names = [key for key in validation[epochs[0]] if '_3d_moderate_R40' in key]
-    if names:
-        lines = {name: Series(x, [validation[epoch][name] for epoch in epochs]) for name in names}
-        return Chart('Moderate 3D AP (R40)', 'epoch', '%', lines, y_low=0.0)
-    keys = [key for name in CURVES for key in validation[epochs[0]] if key.rpartition('/')[2] == name]
-    lines = {key: Series(x, [_number(validation[epoch].get(key)) for epoch in epochs]) for key in keys}
-    return Chart('Validation scores', 'epoch', '%', lines, y_low=0.0) if lines else None
+    epochs = list(validation)
+    first = validation[epochs[0]]
+    boxes = [record.name for record in first if record.measure == '3d AP R40' and record.level == 'moderate']
+    means = [record.name for record in first if record.table in POINT_TABLES and not record.subject]
+    if not boxes and not means:
+        return None
+    numbers = {epoch: {record.name: record.number for record in records} for epoch, records in validation.items()}
+    lines = {name: Series(epochs, [numbers[epoch].get(name, NAN) for epoch in epochs]) for name in boxes or means}
+    return Chart('Moderate 3D AP (R40)' if boxes else 'Validation scores', 'epoch', '%', lines, y_low=0.0)
 
 
 def label_charts(rounds: Sequence[Mapping[str, Any]]) -> list[Chart]:
-    """Coverage and precision of a segmentation run's pseudo labels by round, and how far instance centres are off."""
-    known = [entry for entry in rounds if 'mean_precision' in entry]
+    """Coverage and precision of the pseudo labels by round, and how far instance centres are off."""
+    known = [entry for entry in rounds if entry.get('mean_precision') is not None]
     if len(known) < 2:
         return []
     x = [int(entry['round']) for entry in known]

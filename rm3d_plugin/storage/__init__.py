@@ -1,5 +1,6 @@
 """The only file formats: atomic, versioned, hashed, without pickle."""
 
+from rm3d_plugin.storage.click_files import Click, ClickFileError, click_classes, read_clicks, write_clicks
 from rm3d_plugin.storage.files import (
     DamagedFileError,
     atomic_write,
@@ -7,24 +8,35 @@ from rm3d_plugin.storage.files import (
     hash_arrays,
     read_json,
     read_npz,
+    remove_unfinished,
+    write_bytes,
     write_json,
     write_npz,
     write_text,
 )
+from rm3d_plugin.storage.fingerprint import Fingerprinted
 from rm3d_plugin.storage.label_store import LabelStore, LabelStoreError, SceneEntry
 from rm3d_plugin.storage.scene_cache import SceneCache
 
 __all__ = [
+    'Click',
+    'ClickFileError',
     'DamagedFileError',
+    'Fingerprinted',
     'LabelStore',
     'LabelStoreError',
     'SceneCache',
     'SceneEntry',
     'atomic_write',
+    'click_classes',
     'content_key',
     'hash_arrays',
+    'read_clicks',
     'read_json',
     'read_npz',
+    'remove_unfinished',
+    'write_bytes',
+    'write_clicks',
     'write_json',
     'write_npz',
     'write_text',

@@ -54,6 +54,17 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
     return path
 
 
+def remove_unfinished(folder: str | Path, pattern: str) -> None:
+    """Remove what a killed process left of files that it was writing.
+
+    Args:
+        folder: Where the files lie.
+        pattern: Of their names, such as ``*.pth``.
+    """
+    for rest in Path(folder).glob(f'.{pattern}.*.tmp'):
+        rest.unlink(missing_ok=True)
+
+
 def _flush_folder(folder: Path) -> None:
     """Make a rename survive a power cut, where the system can (not on Windows)."""
     if os.name == 'posix':
@@ -64,14 +75,19 @@ def _flush_folder(folder: Path) -> None:
             os.close(handle)
 
 
+def write_bytes(path: str | Path, data: bytes) -> Path:
+    """Write bytes, atomically."""
+    return atomic_write(path, lambda file: file.write(data))
+
+
 def write_text(path: str | Path, text: str) -> Path:
     """Write UTF-8 text, atomically."""
-    return atomic_write(path, lambda file: file.write(text.encode('utf-8')))
+    return write_bytes(path, text.encode('utf-8'))
 
 
 def write_json(path: str | Path, value: Any) -> Path:
     """Write JSON, atomically; numpy numbers and arrays become plain ones, NaN and infinity become null."""
-    return write_text(path, json.dumps(_plain(value), indent=2, allow_nan=False, ensure_ascii=False) + '\n')
+    return write_text(path, json.dumps(plain_json(value), indent=2, allow_nan=False, ensure_ascii=False) + '\n')
 
 
 def read_json(path: str | Path) -> Any:
@@ -87,13 +103,14 @@ def read_json(path: str | Path) -> Any:
         raise DamagedFileError(f'{path}: not readable as JSON ({error}); delete it and make it again') from error
 
 
-def _plain(value: Any) -> Any:
+def plain_json(value: Any) -> Any:
+    """The value as JSON can hold it: numpy numbers and arrays become plain ones, NaN and infinity become None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain_json(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain_json(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain_json(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value

@@ -1,8 +1,9 @@
 """Things that are costly to read or make again, kept in memory as long as there is room."""
 
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
+
+from cachetools import LRUCache
 
 Item = TypeVar('Item')
 
@@ -17,26 +18,21 @@ class RecentItems(Generic[Item]):
     """
 
     def __init__(self, megabytes: int, nbytes: Callable[[Item], int]) -> None:
-        self._limit = megabytes * 2**20
         self._nbytes = nbytes
-        self._kept: OrderedDict[str, Item] = OrderedDict()
-        self._used = 0
+        self._kept: LRUCache[str, Item] = LRUCache(megabytes * 2**20, nbytes)
 
     def __len__(self) -> int:
         return len(self._kept)
 
     def get_or_make(self, key: str, make: Callable[[], Item]) -> Item:
         """The item of a key, from memory or else from ``make``; not to be written to."""
-        if key not in self._kept:
-            item = make()
+        if key in self._kept:
+            return self._kept[key]
+        item = make()
+        if self._nbytes(item) <= self._kept.maxsize:
             self._kept[key] = item
-            self._used += self._nbytes(item)
-            while self._used > self._limit:
-                self._used -= self._nbytes(self._kept.popitem(last=False)[1])
-            return item
-        self._kept.move_to_end(key)
-        return self._kept[key]
+        return item
 
     def __getstate__(self) -> dict[str, Any]:
         """Empty: what is kept shall not travel to other processes."""
-        return {'_limit': self._limit, '_nbytes': self._nbytes, '_kept': OrderedDict(), '_used': 0}
+        return {'_nbytes': self._nbytes, '_kept': LRUCache(self._kept.maxsize, self._nbytes)}

@@ -1,7 +1,7 @@
 """Figures and the HTML report, from structures and plain values."""
 
 from rm3d_plugin.visualization.bev import BevPanel, BoxLayer, draw_bev, scene_panels
-from rm3d_plugin.visualization.curves import Chart, Series, draw_chart, smooth
+from rm3d_plugin.visualization.curves import Chart, Series, draw_chart
 from rm3d_plugin.visualization.report import (
     BudgetSummary,
     Picture,
@@ -35,6 +35,5 @@ __all__ = [
     'pack_views',
     'render_report',
     'scene_panels',
-    'smooth',
     'write_report',
 ]

@@ -59,15 +59,6 @@ def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
     return [round(k * step, 12) + 0.0 for k in range(first, last + 1)]
 
 
-def smooth(values: Sequence[float], window: int) -> list[float]:
-    """Running mean over the last ``window`` values; larger: smoother and later."""
-    y = np.asarray(values, dtype=np.float64)
-    sums = np.cumsum(np.concatenate([[0.0], y]))
-    ends = np.arange(1, len(y) + 1)
-    starts = np.maximum(ends - window, 0)
-    return list((sums[ends] - sums[starts]) / (ends - starts))
-
-
 def draw_chart(chart: Chart) -> str:
     """The chart as one ``<svg>`` element for an HTML page; what has no finite point is left out.
 

@@ -80,8 +80,8 @@ class RunReport:
         scores: Scores of classes in segmentation.
         charts: Loss and AP curves.
         rounds: One summary a round: ``coverage`` in [0, 1]; ``points``: by class ``pseudo`` (count) and ``precision``
-            (in [0, 1] or None); ``boxes``: by class ``annotated``, ``pseudo``, ``right``, ``true`` (counts);
-            ``truth_known``: False where right and true mean nothing. ``round`` numbers the row, else its place does.
+            (in [0, 1] or None); ``boxes``: by class ``annotated``, ``pseudo``, ``correct``, ``true`` (counts);
+            ``truth_known``: False where correct and true mean nothing. ``round`` numbers the row, else its place does.
         pictures: Bird's-eye views.
         views: Scenes to turn, as :func:`~rm3d_plugin.visualization.scene_view.pack_views` gives them.
         merges: Strongest and weakest merges of the last round.

@@ -8,9 +8,9 @@ from rm3d_plugin.visualization.report_sections import count, grouped_table, numb
 
 _SEGMENTATION_WORDS = (
     '<p>Coverage is the share of the hidden points of a class that have a label; of all classes, the share of all '
-    'points. Precision is the share of the pseudo labels given to a class that are right. The offset error is the '
-    'distance in metres between the centres of pseudo and true instance, mean over points. Training never sees the '
-    'truth that these are measured with.</p>'
+    'points. Precision is the share of the pseudo labels given to a class that are correct. The offset error is the '
+    'distance in metres between the centres of pseudo and true instance, mean over the hidden points that have both. '
+    'Training never sees the truth that these are measured with.</p>'
 )
 
 
@@ -18,15 +18,12 @@ def label_section(rounds: Sequence[Mapping[str, Any]]) -> str:
     """Pseudo labels of each round: points, then boxes."""
     if not rounds:
         return ''
-    segmentation = [entry for entry in rounds if 'mean_precision' in entry]
-    if segmentation:
-        return section('labels', 'Pseudo labels', _SEGMENTATION_WORDS + _class_table(segmentation))
-    parts = [_point_table(rounds)]
-    if any(entry.get('boxes') for entry in rounds):
-        parts.append(_box_table(rounds))
+    if not any(entry.get('boxes') for entry in rounds):
+        return section('labels', 'Pseudo labels', _SEGMENTATION_WORDS + _class_table(rounds))
+    parts = [_point_table(rounds), _box_table(rounds)]
     words = (
-        '<p>Coverage is the share of all points with a label. Precision is the share of pseudo labels that are right; '
-        'recall of boxes is over the true boxes that the budget hides. Training never sees the truth that these are '
+        '<p>Coverage is the share of all points with a label. Precision is the share of correct pseudo labels; recall '
+        'of boxes is over the true boxes that the budget hides. Training never sees the truth that these are '
         'measured with.</p>'
     )
     return section('labels', 'Pseudo labels', words + ''.join(parts))
@@ -75,11 +72,11 @@ def _box_table(rounds: Sequence[Mapping[str, Any]]) -> str:
         known = entry.get('truth_known', True)
         for name in names:
             found = entry.get('boxes', {}).get(name, {})
-            pseudo, right = found.get('pseudo', 0), found.get('right', 0)
+            pseudo, correct = found.get('pseudo', 0), found.get('correct', 0)
             hidden = found.get('true', 0) - found.get('annotated', 0)
             row += [count(found.get('annotated')), count(found.get('pseudo'))]
-            row.append(percent(right / pseudo if known and pseudo else None))
-            row.append(percent(right / hidden if known and hidden > 0 else None))
+            row.append(percent(correct / pseudo if known and pseudo else None))
+            row.append(percent(correct / hidden if known and hidden > 0 else None))
         body.append(row)
     head = [('Round', ()), *((name, ('annotated', 'pseudo', 'precision', 'recall')) for name in names)]
     return grouped_table(head, body, 'Boxes')

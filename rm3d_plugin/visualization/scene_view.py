@@ -148,7 +148,7 @@ def view_block(packed: dict[str, Any]) -> str:
         '<p class="told" id="view-told" aria-live="polite">&nbsp;</p>\n'
         '<div class="bar"><label>Show up to <input type="range" id="view-cut" min="1" max="100"> of the height</label>'
         '<label>Point size <input type="range" id="view-size" min="1" max="8" value="3"></label>'
-        f'<label{no_truth}><input type="checkbox" id="view-fade"> fade what is right</label>'
+        f'<label{no_truth}><input type="checkbox" id="view-fade"> fade what is correct</label>'
         f'<label{no_marks}><input type="checkbox" id="view-marks" checked> mark annotated points</label>'
         '<button type="button" id="view-reset">Reset</button></div>\n'
         '<ul class="legend" id="view-legend"></ul>\n'

@@ -193,7 +193,7 @@ function legend() {
     part.append(swatch, text); list.append(row);
   };
   if (!item) {
-    add('#ff4030', 'wrong'); add('#4a4e54', 'right'); add('#60646a', 'truth not known');
+    add('#ff4030', 'wrong'); add('#4a4e54', 'correct'); add('#60646a', 'truth not known');
   } else if (item.kind === 'class') {
     const counts = new Map();
     for (const value of item.values) counts.set(value, (counts.get(value) || 0) + 1);

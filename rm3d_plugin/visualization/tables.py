@@ -22,11 +22,13 @@ class BarPanel(NamedTuple):
         title: Of the panel.
         names: One for each group of bars, from the top.
         bars: Legend -> a value for each name.
+        ranges: Legend -> lowest and highest value for each name, drawn as a line on the bar.
     """
 
     title: str
     names: Sequence[str]
     bars: Mapping[str, Sequence[float]]
+    ranges: Mapping[str, Sequence[tuple[float, float]]] = {}
 
 
 class LinePanel(NamedTuple):
@@ -66,6 +68,8 @@ def draw_bars(panels: Sequence[BarPanel], label: str, dpi: int = 110) -> bytes:
         for i, (name, values) in enumerate(panel.bars.items()):
             places = np.arange(len(values)) + (i - (len(panel.bars) - 1) / 2) * height
             axes.barh(places, values, height, color=class_color(i), label=name)
+            if name in panel.ranges:
+                axes.hlines(places, *np.transpose(panel.ranges[name]), color='black', linewidth=0.8)
         axes.set_yticks(range(len(panel.names)), panel.names, fontsize=7)
         axes.invert_yaxis()
         _label(axes, panel.title, label)

@@ -1,6 +1,5 @@
-"""tools/draw_labels.py: budget files, clicks that can be read back, and a page that needs no network."""
+"""``rm3d draw_labels``: budget files, clicks that can be read back, and a page that needs no network."""
 
-import importlib.util
 import re
 
 import numpy as np
@@ -8,11 +7,13 @@ import pytest
 from reference.toy_scenes import ToyRooms
 from runs import tiny_runs
 
+from rm3d_plugin.commands.main import run
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.label_budgets import load_box_budget, load_point_budget, read_clicks
+from rm3d_plugin.label_budgets import load_box_budget, load_point_budget
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.reporting.draw_labels import draw_labels
+from rm3d_plugin.storage import read_clicks
 from rm3d_plugin.structures import Boxes3D, PointCloud
 from rm3d_plugin.visualization.label_picture import draw_label_picture
 
@@ -21,10 +22,7 @@ DATASETS.register_module(module=ToyRooms, force=True)
 
 
 def tool(*arguments):
-    spec = importlib.util.spec_from_file_location('draw_labels_tool', tiny_runs.ROOT / 'tools' / 'draw_labels.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.exit_code(module.main, [str(a) for a in arguments])
+    return run('draw_labels', [str(a) for a in arguments])
 
 
 def toy(out, *more):

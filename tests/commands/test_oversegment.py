@@ -1,7 +1,6 @@
 import base64
 import json
 import re
-import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -10,8 +9,8 @@ import numpy as np
 import pytest
 from reference.rooms import make_room
 
+from rm3d_plugin.commands.main import run as run_command
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.run import exit_code
 from rm3d_plugin.inference.oversegment import oversegment_file, read_annotated_labels
 from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.storage import read_npz
@@ -94,7 +93,7 @@ def test_a_missing_package_is_told(scan, tmp_path, monkeypatch):
 )
 def test_what_the_user_can_mend_is_one_message(scan, tmp_path, capsys, monkeypatch, arguments, message):
     monkeypatch.chdir(tmp_path)
-    assert exit_code(runpy.run_path(str(TOOL))['main'], [str(scan), *arguments]) == 2
+    assert run_command('oversegment', [str(scan), *arguments]) == 2
     told = capsys.readouterr().err
     assert told.startswith('error: ') and message in told and not list(tmp_path.iterdir())
 
@@ -109,11 +108,10 @@ def test_command_line(scan, tmp_path):
 
 
 def test_a_missing_scan_is_named(tmp_path, capsys):
-    main = runpy.run_path(str(TOOL))['main']
-    assert exit_code(main, [str(tmp_path / 'none.ply'), '--out', str(tmp_path / 'r.ply')]) == 2
+    assert run_command('oversegment', [str(tmp_path / 'none.ply'), '--out', str(tmp_path / 'r.ply')]) == 2
     assert 'none.ply: no such file' in capsys.readouterr().err
     with pytest.raises(SystemExit, match='0'):
-        main(['--help'])
+        run_command('oversegment', ['--help'])
     assert '--oversegmenter-options' in capsys.readouterr().out
 
 

@@ -1,11 +1,10 @@
 """The prediction command with a segmentor."""
 
-import runpy
-
 import numpy as np
 from runs.random_segmentor import make_checkpoint, make_scan
-from runs.tiny_runs import ROOT
 
+from rm3d_plugin.commands.test import metric_table
+from rm3d_plugin.engine.run import Evaluation
 from rm3d_plugin.storage.scans import read_scan
 
 
@@ -14,7 +13,7 @@ def test_a_folder_of_scans_becomes_classes(call, tmp_path):
     for seed, name in enumerate(('a', 'b')):
         make_scan(scans / f'{name}.ply', seed=seed, shift=(4e5, 5e6, 100.0))
     (scans / 'notes.md').write_text('no scan')
-    options = ['--votes', '2', '--flip', 'both', '--chunk', '2.5', '--unknown-below', '.4', '--min-score', '.1']
+    options = ['--tta-rotations', '2', '--flip', 'both', '--chunk', '2.5', '--unknown-below', '.4', '--min-score', '.1']
     code, output = call('predict', network, scans, '--out', out, *options)
     assert code == 0, output
     lines = [line for line in output.splitlines() if line.startswith(str(out))]
@@ -36,10 +35,10 @@ def test_what_the_user_can_mend_is_told(call, tmp_path):
 def test_options_of_points_are_not_for_boxes(call, trained, world, tmp_path):
     checkpoint = max(trained.glob('epoch_*.pth'))
     scan = world / 'training' / 'velodyne' / '000001.bin'
-    code, output = call('predict', checkpoint, scan, '--out', tmp_path / 'out', '--votes', '4')
-    assert code == 2 and 'finds boxes; votes is for networks that classify points' in output
+    code, output = call('predict', checkpoint, scan, '--out', tmp_path / 'out', '--tta-rotations', '4')
+    assert code == 2 and 'finds boxes; tta_rotations is for networks that classify points' in output
 
 
 def test_scores_of_points_are_printed_as_they_are():
-    table = runpy.run_path(str(ROOT / 'tools' / 'test.py'))['metric_table']({'mIoU': 61.234, 'IoU_wall': float('nan')})
+    table = metric_table(Evaluation({'mIoU': 61.234, 'IoU_wall': float('nan')}, ()))
     assert table.splitlines()[2:] == ['mIoU      61.23', 'IoU_wall    nan']

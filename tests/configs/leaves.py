@@ -3,6 +3,12 @@
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-LEAVES = sorted((ROOT / 'configs').glob('*.py'))
+CONFIGS = ROOT / 'configs'
+LEAVES = sorted([*CONFIGS.glob('*.py'), *CONFIGS.glob('baselines/*.py')])
 SEGMENTATION = [path for path in LEAVES if path.stem.startswith(('rm3d_sem', 'rm3d_ins', 'sup_sem', 'sup_ins'))]
 DETECTION = [path for path in LEAVES if path not in SEGMENTATION]
+
+
+def has_demo(path: Path) -> bool:
+    """Real tiles and scans of one's own have none."""
+    return not any(word in path.stem for word in ('oakland', 'files'))

@@ -55,9 +55,9 @@ def test_a_row_builds_and_differs_from_its_base(base, text, tmp_path):
             found = getattr(getattr(made.rules, group), name)
             assert (list(found) if isinstance(found, tuple) else found) == value
     if 'MSE' in text:
-        assert type(model.aug_loss) is MSEAugLoss
+        assert type(model.losses['ViewConsistency'].loss) is MSEAugLoss
     if 'aug_loss=None' in text:
-        assert model.aug_loss is None
+        assert list(model.losses) == ['WeakSupervision', 'InstanceOffsets', 'InstanceDice']
 
 
 def test_the_page_has_all_rows_of_the_papers_tables():

@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from configs.leaves import SEGMENTATION
+from configs.leaves import SEGMENTATION, has_demo
 from mmengine.registry import DefaultScope
 from reference.toy_scenes import ToyRooms
 
@@ -74,7 +74,7 @@ def test_every_data_set_has_every_budget():
 @EACH
 @pytest.mark.parametrize('demo', [False, True], ids=['', 'demo'])
 def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
-    if demo and ('oakland' in path.stem or 'files' in path.stem):  # real tiles only, scans of one's own
+    if demo and not has_demo(path):
         with pytest.raises(ConfigError, match='this config has no `demo` settings'):
             load(path, tmp_path, demo)
         return
@@ -95,8 +95,8 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
     assert config.test_evaluator == config.val_evaluator
     assert [step.max_points for step in config.train_pipeline if 'Crop' in step.type] == [config.crop_points]
     assert config.budget == ({'clicks': 'clicks.csv'} if budget == 'clicks' else budget)
-    kind = SegmentationLabelMaker if path.stem.startswith('rm3d') else AnnotatedLabelMaker
-    assert type(build_label_maker(config)) is kind
+    made = SegmentationLabelMaker if path.stem.startswith('rm3d') else AnnotatedLabelMaker
+    assert type(build_label_maker(config)) is made
     periods = config.param_scheduler[0].get('periods')
     assert periods is None or sum(periods) == config.epochs
     if demo:
@@ -112,8 +112,9 @@ def test_references_keep_their_first_labels_and_learn_no_offset_from_few_points(
         return
     assert config.label_refreshes == 1 and not config.propagate
     if '_ins_' in path.stem:
-        head = model_of(config).instance_head
-        taught, full = head.loss_part.loss_weight > 0, path.stem.endswith('full')
-        assert taught == path.stem.endswith(('full', '1pct')) and (config.dice_loss is None) != full
-        assert head.rules.coordinates == ('both' if taught else 'original')
-        assert head.min_instance_points == (10 if path.stem.endswith('1pct') else 1)
+        model, full = model_of(config), path.stem.endswith('full')
+        offsets = model.losses['InstanceOffsets']
+        taught = offsets.loss.loss_weight > 0
+        assert taught == path.stem.endswith(('full', '1pct')) and ('InstanceDice' in model.losses) == full
+        assert model.instance_head.rules.coordinates == ('both' if taught else 'original')
+        assert offsets.min_points == (10 if path.stem.endswith('1pct') else 1)

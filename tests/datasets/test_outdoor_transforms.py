@@ -45,7 +45,7 @@ def test_heights_are_above_the_ground_and_poles_stay_upright():
 @pytest.mark.parametrize('step', [HeightAboveGround(), ShapeFeatures(), ClearanceFeatures()])
 def test_views_come_later(step):
     with pytest.raises(ValueError, match='AugmentedView behind it'):
-        step(item(np.zeros((5, 3), dtype=np.float32), aug_points=np.zeros((5, 3))))
+        step(item(np.zeros((5, 3), dtype=np.float32), views=[]))
 
 
 def test_boxes_do_not_fit_a_levelled_scene():

@@ -72,4 +72,4 @@ def test_bad_settings_are_named():
 @pytest.mark.parametrize(('step', 'message'), [(RandomDownsample(), 'AugmentedView'), (PointNoise(), 'AugmentedView')])
 def test_views_come_later(step, message):
     with pytest.raises(ValueError, match=message):
-        step(item(numbered(3), aug_points=numbered(3), aug_index=np.arange(3)))
+        step(item(numbered(3), views=[]))

@@ -37,4 +37,4 @@ def test_an_empty_scene_and_what_cannot_be():
     with pytest.raises(ValueError, match='two lengths > 0'):
         SinusoidalPosition(wavelengths=[10.0])
     with pytest.raises(ValueError, match='AugmentedView behind it'):
-        SinusoidalPosition()({'points': np.zeros((1, 3)), 'aug_points': np.zeros((1, 3))})
+        SinusoidalPosition()({'points': np.zeros((1, 3)), 'views': []})

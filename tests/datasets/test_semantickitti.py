@@ -13,9 +13,9 @@ from rm3d_plugin.datasets.semantickitti_format import (
     number_instances,
     read_labels,
     read_lidar_poses,
-    write_predictions,
 )
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.exports import write_label_words
 from rm3d_plugin.structures import SceneError
 
 RAW = np.array([10, 252, 0, 40, 60, 254, 30, 10, 81, 99])
@@ -89,13 +89,12 @@ def test_instances_of_no_points():
 
 def test_a_submission_goes_there_and_back(tmp_path):
     classes = np.array([-1, *range(19)])
-    path = write_predictions(tmp_path / 'sequences' / '11' / 'predictions' / '000000.label', classes)
+    raw_ids = np.where(classes >= 0, CLASS_TO_RAW[classes], 0)
+    path = write_label_words(tmp_path / '000000.label', raw_ids, np.zeros_like(raw_ids))
     raw = read_labels(path, 20)
     assert raw.semantic.tolist() == [0, *CLASS_TO_RAW.tolist()]
     assert raw.instance.tolist() == [0] * 20
     np.testing.assert_array_equal(merge_ids(raw.semantic, path), classes)
-    with pytest.raises(ValueError, match='expected -1 to 18, got 0 to 19'):
-        write_predictions(path, np.array([0, 19]))
 
 
 def test_every_second_scan_and_any_sequences(world):

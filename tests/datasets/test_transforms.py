@@ -168,9 +168,9 @@ def test_the_view_maps_back_to_its_points_exactly():
     points = item(500)['points']
     still = ViewSettings(rot=(0.7, 0.7), flip_prob=0, scale=(1.1, 1.1), jitter=0, keep=(0.6, 0.6), channel_jitter=0)
     view = augmented_view(points, still, np.random.default_rng(1))
-    assert len(view.index) == 300
-    assert (np.diff(view.index) > 0).all()
-    source = points[view.index]
+    assert len(view.point_ids) == 300
+    assert (np.diff(view.point_ids) > 0).all()
+    source = points[view.point_ids]
     np.testing.assert_array_equal(view.points[:, 3], source[:, 3])
     middle = 0.5 * (source[:, :3].min(axis=0) + source[:, :3].max(axis=0))
     c, s = np.cos(0.7), np.sin(0.7)
@@ -186,10 +186,10 @@ def test_the_view_maps_back_to_its_points_exactly():
 def test_the_view_keeps_to_the_ranges_of_the_method(seed):
     points = item(800, seed=seed)['points']
     view = augmented_view(points, ViewSettings(), np.random.default_rng(seed))
-    assert 0.5 <= len(view.index) / 800 <= 0.8
+    assert 0.5 <= len(view.point_ids) / 800 <= 0.8
     rng = np.random.default_rng(0)
-    a, b = rng.integers(0, len(view.index), size=(2, 400))
-    before = np.linalg.norm(points[view.index[a], :3] - points[view.index[b], :3], axis=1)
+    a, b = rng.integers(0, len(view.point_ids), size=(2, 400))
+    before = np.linalg.norm(points[view.point_ids[a], :3] - points[view.point_ids[b], :3], axis=1)
     after = np.linalg.norm(view.points[a, :3] - view.points[b, :3], axis=1)
     far = before > 1
     ratio = after[far] / before[far]
@@ -222,8 +222,8 @@ def test_elastic_shifts_are_smooth_and_bounded():
 @pytest.mark.parametrize('count', [0, 1, 2])
 def test_views_of_tiny_scenes(count):
     view = augmented_view(item(10)['points'][:count], ViewSettings(elastic=(1, 0.1)), np.random.default_rng(0))
-    assert view.points.shape == (min(count, max(1, len(view.index))), 4)
-    assert len(view.index) >= min(count, 1)
+    assert view.points.shape == (min(count, max(1, len(view.point_ids))), 4)
+    assert len(view.point_ids) >= min(count, 1)
 
 
 def test_nothing_moves_points_after_the_view_was_taken():
@@ -235,17 +235,28 @@ def test_nothing_moves_points_after_the_view_was_taken():
 
 def test_equal_generators_give_equal_views_and_the_scene_stays():
     one, two = AugmentedView(elastic=(1, 0.1))(item()), AugmentedView(elastic=(1, 0.1))(item())
-    np.testing.assert_array_equal(one['aug_points'], two['aug_points'])
-    np.testing.assert_array_equal(one['aug_index'], two['aug_index'])
+    (first,), (second,) = one['views'], two['views']
+    np.testing.assert_array_equal(first.points, second.points)
+    np.testing.assert_array_equal(first.point_ids, second.point_ids)
     np.testing.assert_array_equal(one['points'], item()['points'])
 
 
 def test_some_scenes_get_no_second_view():
     half = AugmentedView(prob=0.5)
-    sizes = [len(half(item(6) | {'rng': np.random.default_rng(seed)})['aug_points']) for seed in range(200)]
+    sizes = [len(half(item(6) | {'rng': np.random.default_rng(seed)})['views'][0].points) for seed in range(200)]
     assert 70 < sizes.count(0) < 130
-    assert half(item(6) | {'rng': np.random.default_rng(sizes.index(0))})['aug_index'].shape == (0,)
-    assert len(AugmentedView(prob=0.0)(item(6))['aug_points']) == 0
+    assert half(item(6) | {'rng': np.random.default_rng(sizes.index(0))})['views'][0].point_ids.shape == (0,)
+    assert len(AugmentedView(prob=0.0)(item(6))['views'][0].points) == 0
+
+
+def test_each_further_transform_appends_a_view():
+    two = AugmentedView(keep=(0.5, 0.5))(AugmentedView(keep=(1, 1))(item(8)))
+    assert [len(view.points) for view in two['views']] == [8, 4]
+    alone = AugmentedView(keep=(1, 1))(item(8))
+    np.testing.assert_array_equal(two['views'][0].points, alone['views'][0].points)
+    packed = pack_scene(two)['inputs']['views']
+    assert [view['points'].shape for view in packed] == [(8, 4), (4, 4)]
+    np.testing.assert_array_equal(packed[1]['point_ids'], two['views'][1].point_ids)
 
 
 @pytest.mark.parametrize(
@@ -413,8 +424,10 @@ def test_pack_names_types_and_values():
     results = AugmentedView()(item(6))
     packed = pack_scene(results)
     assert set(packed) == {'inputs', 'data_samples'}
-    assert {name: tensor.dtype for name, tensor in packed['inputs'].items()} == {
-        'points': torch.float32, 'aug_points': torch.float32, 'aug_index': torch.int64,
+    assert set(packed['inputs']) == {'points', 'views'} and packed['inputs']['points'].dtype == torch.float32
+    (view,) = packed['inputs']['views']
+    assert {name: tensor.dtype for name, tensor in view.items()} == {
+        'points': torch.float32, 'point_ids': torch.int64,
     }  # fmt: skip
     sample = packed['data_samples']
     assert {name: (field.dtype, tuple(field.shape)) for name, field in sample.items()} == {

@@ -14,11 +14,9 @@ from rm3d_plugin.descriptors import FPFH, fpfh
 from rm3d_plugin.ops import fpfh as op
 from rm3d_plugin.registry import DESCRIPTORS
 
-GOLDEN = Path(__file__).resolve().parents[3] / 'shared' / 'golden' / 'descriptors_pcl_open3d'
-golden = pytest.mark.skipif(not GOLDEN.is_dir(), reason='golden files are not beside the checkout')
+GOLDEN = Path(__file__).resolve().parents[1] / 'golden'
 
 
-@golden
 def test_equals_pcl():
     """PCL sums in float32; its largest difference is 5e-5 of 100."""
     given_cloud = np.load(GOLDEN / 'cloud_2000.npz')
@@ -29,7 +27,6 @@ def test_equals_pcl():
     np.testing.assert_allclose(got.values.reshape(-1, 3, 11).sum(axis=2), 100, rtol=1e-5)
 
 
-@golden
 @pytest.mark.parametrize(('cap', 'array'), [(None, 'fpfh33_radius_0p1'), (30, 'fpfh33_hybrid_0p1_max30')])
 def test_equals_open3d(cap, array):
     given_cloud = np.load(GOLDEN / 'cloud_2000.npz')

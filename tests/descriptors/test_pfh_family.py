@@ -16,7 +16,7 @@ from rm3d_plugin.descriptors import PFH, AdaptedPFH, adapted_pfh, original_pfh
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import PointCloud
 
-GOLDEN = Path(__file__).resolve().parents[3] / 'shared' / 'golden' / 'descriptors_pcl_open3d'
+GOLDEN = Path(__file__).resolve().parents[1] / 'golden'
 
 
 def bumpy(count=1500, seed=0):
@@ -39,7 +39,6 @@ def cloud(points, normals=None, **more):
     return PointCloud(np.float32(points), normals=None if normals is None else np.float32(normals), **more)
 
 
-@pytest.mark.skipif(not GOLDEN.is_dir(), reason='golden files are not beside the checkout')
 def test_adapted_equals_pcl():
     """A pair of the largest neighbourhood that moves over an edge is 2.2e-4; rounding in PCL's sums is under 5e-5."""
     given_cloud = np.load(GOLDEN / 'cloud_2000.npz')

@@ -14,10 +14,9 @@ from rm3d_plugin.descriptors import SHOT, shot
 from rm3d_plugin.ops.shot import _azimuth, _inclination
 from rm3d_plugin.registry import DESCRIPTORS
 
-GOLDEN = Path(__file__).resolve().parents[3] / 'shared' / 'golden' / 'descriptors_pcl_open3d'
+GOLDEN = Path(__file__).resolve().parents[1] / 'golden'
 
 
-@pytest.mark.skipif(not GOLDEN.is_dir(), reason='golden files are not beside the checkout')
 def test_equals_pcl():
     given_cloud, golden = np.load(GOLDEN / 'cloud_2000.npz'), np.load(GOLDEN / 'pcl_descriptors.npz')
     described = np.isfinite(golden['shot352']).all(axis=1)

@@ -1,7 +1,13 @@
+import sys
+
 import pytest
 from mmengine.config import Config
+from mmengine.runner import Runner
 
+import rm3d_plugin
 from rm3d_plugin.engine.config import ConfigError, load_config, resolve, unknown_options
+from rm3d_plugin.engine.config_files import find_config, shipped_configs, shipped_leaves
+from rm3d_plugin.engine.renamed_options import RENAMED
 
 LEAF = """
 _base_ = ['./base.py']
@@ -64,28 +70,34 @@ def test_unknown_options_lists_them():
 
 
 @pytest.mark.parametrize(
-    ('value', 'names', 'message'),
+    ('config', 'message'),
     [
-        ('${b}', {'a': 1}, r"config: '\$\{b\}' names no key of the config; top-level keys: \['a'\]"),
-        ({'x': ['${a.c}']}, {'a': {'b': 1}}, r"config\.x\[0\]: '\$\{a\.c\}' names no key"),
-        ('${a.b.c}', {'a': {'b': 1}}, 'names no key'),
-        ('${a}', {'a': '${b}', 'b': '${a}'}, 'references go in a circle'),
-        ('${a}', {'a': ['${a}']}, 'references go in a circle'),
-        ('x ${a}', {'a': 'y ${a}'}, 'references go in a circle'),
+        ({'x': '${b}', 'a': 1}, r"config: x: Interpolation key 'b' not found; top-level keys: \['a', 'x'\]"),
+        ({'x': {'y': ['${a.c}']}, 'a': {'b': 1}}, r"config: x\.y\[0\]: Interpolation key 'a\.c' not found"),
+        ({'x': '${a.b.c}', 'a': {'b': 1}}, r'x: .*a\.b'),
+        ({'a': '${b}', 'b': '${a}'}, 'a: Recursive interpolation'),
+        ({'a': ['${a}']}, r'a\[0\]: Interpolation to parent node'),
+        ({'a': 'y ${a}'}, 'a: Recursive interpolation'),
+        ({'b': {'a': '${'}}, r"b\.a: .*'\$\{'"),
     ],
 )
-def test_bad_references_are_named(value, names, message):
+def test_bad_references_are_named(config, message):
     with pytest.raises(ConfigError, match=message):
-        resolve(value, names)
+        resolve(config)
 
 
-def test_a_reference_inside_text_is_written_out():
-    assert resolve('${n} of ${m.k}', {'n': 3, 'm': {'k': 'ten'}}) == '3 of ten'
-    assert resolve({'a': None, 'b': 2.5, 'c': '$x {y}'}, {}) == {'a': None, 'b': 2.5, 'c': '$x {y}'}
+def test_a_reference_becomes_any_value_or_is_written_out():
+    values = {'n': 3, 'm': {'k': 'ten', 'none': None, 'list': [1, (2, 'x')]}, 0: {1: 2.5}, 'plain': '$x {y}'}
+    asked = {'text': '${n} of ${m.k}', 'none': '${m.none}', 'list': '${m.list}', 'second': '${m.list.1}', 'all': '${m}'}
+    found = resolve(values | asked)
+    assert found['text'] == '3 of ten' and found['none'] is None and found['second'] == (2, 'x')
+    assert found['list'] == [1, (2, 'x')] and found['all'] == values['m']
+    assert {key: found[key] for key in values} == values
+    assert resolve({'task': 'b', 'tasks': {'a': 1, 'b': [2]}, 'x': '${tasks.${task}}'})['x'] == [2]
 
 
 def test_what_cannot_be_read_is_refused(leaf, tmp_path):
-    with pytest.raises(ConfigError, match=r'absent\.py: no such config; see configs/'):
+    with pytest.raises(ConfigError, match=r'absent\.py: no such config; those of RM3D are in .*configs'):
         load_config(tmp_path / 'absent.py')
     with pytest.raises(ConfigError, match='no such config'):
         load_config(tmp_path)
@@ -106,3 +118,112 @@ def test_rounds_and_sigma_are_whole_numbers_from_one(leaf, value):
     for key in ('rounds', 'sigma'):
         with pytest.raises(ConfigError, match=f'{key}: expected a whole number from 1, got {value!r}'):
             load_config(leaf, options={key: value})
+
+
+def test_label_refreshes_are_those_that_happen(leaf):
+    leaf.write_text(LEAF.replace("label_refreshes = '${rounds}'", 'label_refreshes = None\nwarm_up_rounds = 3'))
+    assert load_config(leaf, options={'rounds': 7}).label_refreshes == 5
+    assert load_config(leaf).label_refreshes == 1, 'two rounds end before the first labels do'
+    assert load_config(leaf, options={'rounds': 7, 'label_refreshes': 1}).label_refreshes == 1
+
+
+def test_old_names_are_told_with_the_new_ones(leaf):
+    for option, message in (
+        ({'strategy.hold_in': 0.1}, '--cfg-options strategy.hold_in is now self_training.holdout$'),
+        ({'rules.class_gamma': 1}, '--cfg-options rules is now objects'),
+        ({'strategy.near_place': 1}, 'strategy.near_place is gone'),
+        ({'votes': 4, 'seed': 1}, '--cfg-options votes is now tta_rotations$'),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            load_config(leaf, options=option)
+    leaf.write_text(LEAF + 'strategy = dict(hold_in=0.1, quota=0.2)\n')
+    with pytest.raises(
+        ConfigError, match=r'leaf\.py: strategy.hold_in is now self_training.holdout; strategy.quota is'
+    ):
+        load_config(leaf)
+    leaf.write_text(LEAF.replace('demo = dict(', 'demo = dict(spread=False, '))
+    with pytest.raises(ConfigError, match=r'leaf\.py: spread is now propagate'):
+        load_config(leaf)
+
+
+def test_no_config_uses_an_old_name():
+    for path in shipped_leaves().values():
+        assert not set(RENAMED) & set(load_config(path, 'run'))
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'rm3d_votenet_kitti_1pct',
+        'rm3d_votenet_kitti_1pct.py',
+        'rm3d_plugin::rm3d_votenet_kitti_1pct.py',
+        'rm3d_plugin::rm3d_votenet_kitti_1pct',
+        'sup_sem_scannet_full',
+        'rm3d_plugin::sup_sem_scannet_full.py',
+        'rm3d_plugin::baselines/sup_sem_scannet_full.py',
+    ],
+)
+def test_what_comes_with_rm3d_is_found_by_name(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    config = rm3d_plugin.load_config(name)
+    assert config.config_name == name.rpartition(':')[2].rpartition('/')[2].removesuffix('.py')
+
+
+def test_a_file_of_ones_own_comes_first(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert find_config('rm3d_votenet_kitti_1pct.py').parent == shipped_configs()
+    (tmp_path / 'rm3d_votenet_kitti_1pct.py').write_text('rounds = sigma = 1\n')
+    assert load_config('rm3d_votenet_kitti_1pct.py').epochs == 1
+
+
+@pytest.mark.parametrize('name', ['rm3d_plugin::rm3d_sem_scanet_0p2pct.py', 'rm3d_sem_scanet_0p2pct'])
+def test_a_misspelt_name_is_told_with_those_that_are_near(name):
+    with pytest.raises(ConfigError, match='no such config; did you mean rm3d_sem_scannet_0p2pct or'):
+        load_config(name)
+
+
+def test_another_project_goes_on_from_a_shipped_config(tmp_path):
+    own = tmp_path / 'mine.py'
+    own.write_text("_base_ = 'rm3d_plugin::rm3d_votenet_kitti_1pct.py'\nsigma = 3\nobjects = dict(gamma=0.5)\n")
+    config, plain = load_config(own), load_config('rm3d_votenet_kitti_1pct')
+    assert (config.epochs, config.objects.gamma, config.config_name) == (24, 0.5, 'mine')
+    assert config.model == plain.model and config.objects.class_gamma == plain.objects.class_gamma
+    (tmp_path / 'again.py').write_text("_base_ = ['./mine.py']\nrounds = 2\n")
+    assert load_config(tmp_path / 'again.py').epochs == 6
+    own.write_text("_base_ = 'rm3d_plugin::absent.py'")
+    with pytest.raises(ConfigError, match=r'rm3d_plugin::absent\.py: no such config'):
+        load_config(own)
+
+
+def test_reading_leaves_mmengine_as_it_was(leaf):
+    before = Config._get_cfg_path
+    load_config(leaf)
+    with pytest.raises(ConfigError):
+        load_config('rm3d_plugin::absent')
+    assert Config._get_cfg_path is before
+
+
+def test_custom_imports_of_the_command_line_are_imported(tmp_path, monkeypatch):
+    (tmp_path / 'my_package_of_parts.py').write_text('')
+    monkeypatch.syspath_prepend(tmp_path)
+    for names in (['my_package_of_parts'], ['rm3d_plugin', 'my_package_of_parts'], 'my_package_of_parts'):
+        load_config('rm3d_votenet_kitti_1pct', options={'custom_imports.imports': names})
+        assert sys.modules.pop('my_package_of_parts')
+    with pytest.raises(ConfigError, match='custom_imports: .*absent_package.*PYTHONPATH'):
+        load_config('rm3d_votenet_kitti_1pct', options={'custom_imports.imports': ['absent_package']})
+
+
+def test_mmengines_runner_takes_what_comes_back(world, tmp_path):
+    sizes = {'widths': [8, 16], 'hidden': 16, 'voxel_size': 0.3, 'batch_size': 1, 'cache_dir': str(tmp_path / 'cache')}
+    options = {'data_root': str(world), **sizes}
+    config = rm3d_plugin.load_config('rm3d_plugin::rm3d_votenet_kitti_1pct.py', tmp_path / 'run', options=options)
+    runner = Runner.from_cfg(config)
+    assert runner.model.num_classes == 3 and len(runner.build_dataloader(config.val_dataloader)) == 1
+    assert runner.experiment_name
+
+
+def test_the_package_names_what_is_public():
+    assert rm3d_plugin.load_config is load_config and rm3d_plugin.ConfigError is ConfigError
+    assert set(rm3d_plugin.__all__) >= {'load_config', 'registry', '__version__'}
+    with pytest.raises(AttributeError, match="module 'rm3d_plugin' has no attribute 'nothing'"):
+        _ = rm3d_plugin.nothing

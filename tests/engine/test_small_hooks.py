@@ -13,9 +13,10 @@ from mmengine.optim import OneCycleLR
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.hooks import EpochSeedHook, RunRecordHook, SafeCheckpointHook
-from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record, score_records
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import AtomicLocalBackend, latest_checkpoint
 from rm3d_plugin.engine.loops import RoundTrainLoop
+from rm3d_plugin.evaluation.records import RecordedMetric, share
 
 
 def draws(epoch, seed):
@@ -31,6 +32,20 @@ def test_an_epoch_draws_the_same_numbers_whatever_came_before():
     assert draws(3, seed=None) == draws(3, seed=0)
 
 
+class Recorded(RecordedMetric):
+    """Has been evaluated."""
+
+    def __init__(self):
+        super().__init__(prefix='val')
+        self.compute_metrics([0.25])
+
+    def process(self, data_batch, data_samples):
+        raise AssertionError('nothing is evaluated here')
+
+    def score(self, results):
+        return [share('AP', results[0], 'boxes', 'AP'), share('AP_car', float('nan'), 'boxes', 'AP', subject='car')]
+
+
 def runner_at(work_dir, epoch=0, validate=None, val_interval=2, max_epochs=4):
     val_loop = None if validate is None else SimpleNamespace(run=validate)
     return SimpleNamespace(
@@ -40,7 +55,17 @@ def runner_at(work_dir, epoch=0, validate=None, val_interval=2, max_epochs=4):
         cfg={'config_name': 'leaf', 'is_demo': True},
         val_loop=val_loop,
         train_loop=SimpleNamespace(val_interval=val_interval, max_epochs=max_epochs),
+        val_evaluator=SimpleNamespace(metrics=[Recorded()]),
     )
+
+
+ROWS = [
+    {
+        'key': key, 'value': value, 'table': 'boxes', 'measure': 'AP', 'subject': subject, 'variant': '', 'level': '',
+        'unit': '%', 'headline': '', 'prefix': 'val',
+    }
+    for key, value, subject in (('AP', 25.0, ''), ('AP_car', None, 'car'))
+]  # fmt: skip
 
 
 def test_losses_are_averaged_over_an_epoch_and_scores_kept(tmp_path):
@@ -60,6 +85,7 @@ def test_losses_are_averaged_over_an_epoch_and_scores_kept(tmp_path):
         'losses': {'1': {'loss': 3.0, 'loss_a': 3.0}, '2': {'loss': 0.5}},
         'validation': {'1': {'AP': 10.0}, '2': {'AP': 20.0, 'empty': None}},
         'final': {'AP': 20.0, 'empty': None},
+        'records': {'1': ROWS, '2': ROWS},
         'config': 'leaf',
         'seed': 7,
         'synthetic': True,
@@ -68,6 +94,7 @@ def test_losses_are_averaged_over_an_epoch_and_scores_kept(tmp_path):
 
 def record(tmp_path, losses, validation):
     content = {'losses': dict.fromkeys(losses, {}), 'validation': dict.fromkeys(validation, {}), 'final': {}}
+    content['records'] = {epoch: ROWS for epoch in validation}
     (tmp_path / 'metrics.json').write_text(json.dumps(content))
 
 
@@ -76,6 +103,7 @@ def test_a_resumed_run_forgets_the_epochs_it_trains_again(tmp_path):
     hook = RunRecordHook()
     hook.before_train(runner_at(tmp_path, epoch=3))
     assert sorted(hook.record['losses']) == ['1', '2', '3'] and list(hook.record['validation']) == ['2']
+    assert list(hook.record['records']) == ['2']
     hook.before_train(runner_at(tmp_path, epoch=0))
     assert hook.record['losses'] == hook.record['validation'] == {}
 
@@ -98,9 +126,20 @@ def test_the_last_score_is_that_of_the_highest_epoch_not_of_the_highest_text(tmp
     assert read_record(tmp_path)['final'] == {'AP': 2.0}
 
 
+def test_records_come_back_in_the_order_of_the_epochs(tmp_path):
+    record(tmp_path, [], ['10', '9'])
+    found = read_record(tmp_path)
+    assert list(score_records(found)) == [9, 10]
+    assert [(r.name, r.value, r.subject) for r in final_records(found)] == [
+        ('val/AP', 25, ''),
+        ('val/AP_car', None, 'car'),
+    ]
+    assert final_records(read_record(tmp_path / 'none')) == ()
+
+
 def test_the_latest_checkpoint_is_a_complete_one_of_the_highest_epoch(tmp_path):
     assert latest_checkpoint(tmp_path) is None and latest_checkpoint(tmp_path / 'absent') is None
-    for name in ('epoch_9.pth', 'epoch_10.pth', 'epoch_best.pth', '.epoch_11.pth.x.part', 'iter_99.pth'):
+    for name in ('epoch_9.pth', 'epoch_10.pth', 'epoch_best.pth', '.epoch_11.pth.1.x.tmp', 'iter_99.pth'):
         (tmp_path / name).write_bytes(b'')
     (tmp_path / 'last_checkpoint').write_text('')
     assert latest_checkpoint(tmp_path) == tmp_path / 'epoch_10.pth'
@@ -150,10 +189,10 @@ def test_a_schedule_that_keeps_a_function_is_saved_and_goes_on(tmp_path, several
 
 
 def test_a_new_run_sweeps_up_parts_of_checkpoints(tmp_path):
-    for name in ('.epoch_2.pth.abc.part', 'epoch_1.pth', 'notes.part'):
+    for name in ('.epoch_2.pth.1.abc.tmp', 'epoch_1.pth', 'notes.tmp'):
         (tmp_path / name).write_bytes(b'')
     SafeCheckpointHook().before_run(SimpleNamespace(work_dir=str(tmp_path)))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['epoch_1.pth', 'notes.part']
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['epoch_1.pth', 'notes.tmp']
 
 
 def test_weights_of_another_model_are_refused(tmp_path):

@@ -4,7 +4,7 @@ import pytest
 from rm3d_plugin.evaluation.functional import LOOSE_IOU, OFFICIAL_IOU, KittiDetections, KittiTruth, kitti_ap
 from rm3d_plugin.evaluation.functional.kitti_ap import recall_thresholds
 from rm3d_plugin.evaluation.functional.kitti_matching import image_overlap
-from rm3d_plugin.evaluation.functional.kitti_table import flat_metrics, format_table, table_rows
+from rm3d_plugin.evaluation.kitti_table import format_table, kitti_records
 from tests.reference import kitti_ap_slow as slow
 
 CAR_BOX = np.array([20.0, 0, -1, 4, 1.8, 1.5, 0.1])
@@ -267,9 +267,8 @@ class TestInput:
         truths, found = sides([frame_of([('Car', 0)], [('Car', 0)])])
         with pytest.raises(ValueError, match='1 frames of truth, 0 of detections'):
             kitti_ap(truths, [])
-        short = KittiDetections(['Car'], found[0].bbox2d, found[0].boxes3d, np.zeros(2))
         with pytest.raises(ValueError, match='frame 0, detections.scores: expected 1 rows, got 2'):
-            kitti_ap(truths, [short])
+            kitti_ap(truths, [KittiDetections(['Car'], found[0].bbox2d, found[0].boxes3d, np.zeros(2))])
         nan = KittiDetections(['Car'], found[0].bbox2d, found[0].boxes3d, np.array([np.nan]))
         with pytest.raises(ValueError, match='frame 0, detections.scores: a score is NaN'):
             kitti_ap(truths, [nan])
@@ -288,15 +287,13 @@ def test_image_overlap_by_hand():
 
 
 def test_names_and_table():
-    named = flat_metrics(evaluate(frame_of([('Car', 0), ('Car', 1)], [('Car', 0)])))
+    records = kitti_records(evaluate(frame_of([('Car', 0), ('Car', 1)], [('Car', 0)])), 'loose')
+    named = {record.key: record.value for record in records}
     assert named['Car_3d_moderate_R40@0.70'] == pytest.approx(50)
-    assert named['mAP_3d_moderate_R40'] == pytest.approx(50)
+    assert named['mAP_3d_moderate_R40_loose'] == pytest.approx(50)
     assert not any(key.startswith('Cyclist') for key in named)
     assert all(np.isfinite(value) for value in named.values())
-    rows = table_rows({f'kitti/{key}': value for key, value in named.items()} | {'loss': 3.0})
-    assert ('Car', '3d R40 @ 0.70', pytest.approx(50), pytest.approx(50), pytest.approx(50)) in rows
-    assert ('mean', '3d R40', pytest.approx(50), pytest.approx(50), pytest.approx(50)) in rows
-    text = format_table(named)
-    line = next(line for line in text.splitlines() if '3d R40 @ 0.70' in line)
-    assert line.split() == ['Car', '3d', 'R40', '@', '0.70', '50.00', '50.00', '50.00']
-    assert '-' in format_table({'Car_3d_easy_R40@0.70': 1.0}).splitlines()[-1]
+    lines = [line.split() for line in format_table(records).splitlines()]
+    assert ['Car', '3d', 'AP', 'R40', '@', '0.70', '50.00', '50.00', '50.00'] in lines
+    assert ['mean', '3d', 'AP', 'R40', 'loose', '50.00', '50.00', '50.00'] in lines
+    assert format_table(records[:1]).splitlines()[-1].split()[-2:] == ['-', '-']

@@ -2,17 +2,24 @@
 
 import numpy as np
 import pytest
+from experiments.fake_commands import command
+from mmengine.registry import init_default_scope
 
 from rm3d_plugin.engine.config import ConfigError, load_config
-from rm3d_plugin.experiments.propagation import (
-    CONFIGS,
+from rm3d_plugin.experiments.render import to_markdown
+from rm3d_plugin.experiments.run_commands import config_path
+from rm3d_plugin.experiments.runner import Commands
+from rm3d_plugin.experiments.spec import Request
+from rm3d_plugin.experiments.tables import propagation
+from rm3d_plugin.experiments.tables.propagation import (
     Scan,
     labels_alone,
     oakland_scans,
     propagation_table,
-    run_config,
     semantickitti_scans,
+    write_leaf,
 )
+from rm3d_plugin.registry import SCOPE
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
@@ -39,10 +46,12 @@ def test_every_tile_and_every_scan_is_taken_by_itself(tmp_path):
 
 
 def test_every_scan_gets_the_settings_of_own_scans(tmp_path):
-    own = load_config(CONFIGS / 'rm3d_sem_files_clicks.py', tmp_path)
+    own = load_config(config_path('rm3d_sem_files_clicks'), tmp_path)
     for name, data in (('rm3d_sem_oakland_1pct', 'Oakland'), ('rm3d_sem_semantickitti_few_1pct', 'SemanticKitti')):
-        config = run_config(Scan('a', name), tmp_path, {'threads': 1})
-        for key in ('sigma', 'voxel_size', 'merge', 'propagation', 'region_prior', 'train_pipeline', 'point_columns'):
+        leaf = write_leaf(Scan(f'A scan/{data}', name, {'threads': 1}), tmp_path)
+        assert leaf.name == f'a_scan_{data.lower()}.py'
+        config = load_config(leaf, tmp_path)
+        for key in ('sigma', 'voxel_size', 'propagation', 'region_prior', 'ground', 'train_pipeline', 'point_columns'):
             assert config[key] == own[key]
         assert config.oversegmenter.rest == own.oversegmenter.rest
         dataset = config.val_dataloader.dataset
@@ -52,13 +61,14 @@ def test_every_scan_gets_the_settings_of_own_scans(tmp_path):
 
 
 def test_what_needs_no_network_is_scored_on_hidden_points(tmp_path):
-    """Ten points a metre apart: 0 and 9 are annotated, a region spreads the first to 1 .. 4; the truth changes at 6."""
+    """Ten points a metre apart: 0 and 9 are annotated, a region passes the first to 1 .. 4; the truth changes at 6."""
     rows = np.arange(10)
     tile = tmp_path / 'oakland_a.xyz_label_conf'
     ids = np.where(rows < 6, 1200, 1501)  # ground, vehicle
     tile.write_text(''.join(f'{x} 0 0 {label} 1\n' for x, label in zip(rows, ids, strict=True)))
     options = {'data_root': str(tmp_path), 'val_tiles': ['a'], 'threads': 1, 'cache_dir': str(tmp_path / 'cache')}
-    config = run_config(Scan('a', 'rm3d_sem_oakland_1pct'), tmp_path / 'run', options)
+    init_default_scope(SCOPE)
+    config = load_config(write_leaf(Scan('a', 'rm3d_sem_oakland_1pct', options), tmp_path), tmp_path / 'run')
     store = LabelStore(tmp_path / 'run' / 'labels')
     semantic = np.where(rows < 5, 3, np.where(rows == 9, 5, -1))
     nobody, true = np.full(10, -1), (rows == 0) | (rows == 9)
@@ -73,10 +83,35 @@ def test_what_needs_no_network_is_scored_on_hidden_points(tmp_path):
     got = labels_alone(config, tmp_path / 'run')
     assert got['nearest'] == pytest.approx(100 * (4 / 5 + 3 / 4) / 2)  # 5 is nearer to 9: taken for a vehicle
     assert got['regions'] == pytest.approx(100 * (4 / 5 + 0) / 2)
-    assert got['filled'] == pytest.approx(100 * (5 / 6 + 2 / 3) / 2)  # 6 is nearer to 4 than to 9
-    assert got['spread'] == pytest.approx(100.0)
+    assert got['regions_filled'] == pytest.approx(100 * (5 / 6 + 2 / 3) / 2)  # 6 is nearer to 4 than to 9
+    assert got['rm3d_filled'] == pytest.approx(100.0)
+
+
+def test_a_row_a_scan_and_their_mean(tmp_path, monkeypatch):
+    for name in ('a', 'b'):
+        (tmp_path / 'oakland' / f'oakland_{name}.xyz_label_conf').parent.mkdir(exist_ok=True)
+        (tmp_path / 'oakland' / f'oakland_{name}.xyz_label_conf').touch()
+    alone = {'nearest': 10.0, 'regions': 20.0, 'regions_filled': 30.0, 'rm3d_filled': 80.0}
+    monkeypatch.setattr(propagation, 'labels_alone', lambda config, folder: alone)
+    request = Request(tmp_path / 'out', seed=3, data_root=tmp_path, scenes=5, options=('threads=1',))
+    table = propagation_table(request, Commands(lambda config: command('train', config)))
+    lines = to_markdown(table).splitlines()
+    assert lines[0].endswith('at most 20 labelled points a class, seed 3')
+    assert lines[-3:] == [
+        f'| {name} | 3.0 | 10.0 | 20.0 | 30.0 | 3.0 | 6.0 | 3.0 | 80.0 |' for name in ('Oakland a', 'Oakland b', 'mean')
+    ]
+    assert table.records[0] == {'scan': 'Oakland a', 'seed': 3, 'labelled_only': 3.0, **alone} | {
+        'paper': 3.0, 'network': 6.0, 'rm3d': 3.0
+    }  # fmt: skip
+    assert table.figure().startswith(b'\x89PNG')
+    folders = sorted(path.name for path in (tmp_path / 'out').glob('*_seed3'))
+    assert folders == [
+        f'oakland_{name}{what}_seed3'
+        for name in ('a', 'b')
+        for what in ('_label_refreshes-1_propagate-False', '', '_strategy-paper')
+    ]
 
 
 def test_without_real_scans_it_says_where_it_looked(tmp_path):
     with pytest.raises(ConfigError, match=r'no oakland/\*\.xyz_label_conf'):
-        propagation_table(tmp_path / 'out', data_root=tmp_path)
+        propagation_table(Request(tmp_path / 'out', data_root=tmp_path))

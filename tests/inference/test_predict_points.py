@@ -111,14 +111,14 @@ def test_points_that_the_pipeline_drops_are_unknown(tmp_path):
     assert (arrays['label'] >= 0).sum() == (arrays['confidence'] > 0).sum() == 100
 
 
-def test_chunks_and_votes_reach_the_network(checkpoint, tmp_path):
+def test_chunks_and_rotations_reach_the_network(checkpoint, tmp_path):
     scan = make_scan(tmp_path / 'a.ply', count=3000)
-    plain, again, chunks, votes = (
+    plain, again, chunks, turned = (
         np.load(run(checkpoint, scan, tmp_path / 'out', format='npz', **options))['confidence']
-        for options in ({}, {'max_points': 3000}, {'chunk_size': 2.0}, {'votes': 3})
+        for options in ({}, {'max_points': 3000}, {'chunk_size': 2.0}, {'tta_rotations': 3})
     )
     np.testing.assert_array_equal(plain, again)
-    for other in (chunks, votes):
+    for other in (chunks, turned):
         assert (other != plain).mean() > 0.5 and np.abs(other - plain).mean() < 0.2
 
 
@@ -198,7 +198,7 @@ def test_what_cannot_be_done_is_told_before_anything_is_predicted(checkpoint, tm
     for options, told in (
         ({'format': 'scannet'}, "--format scannet: the network knows the class 'ground'"),
         ({'format': 'obj'}, "--format: expected one of ply, las, npz.*got 'obj'"),
-        ({'votes': 0}, 'votes: expected a whole number from 1, got 0'),
+        ({'tta_rotations': 0}, 'tta_rotations: expected a whole number from 1, got 0'),
         ({'chunk_size': -1.0}, 'chunk_size: expected metres > 0'),
     ):
         with pytest.raises(ConfigError, match=told):

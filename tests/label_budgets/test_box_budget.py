@@ -38,7 +38,8 @@ def test_three_percent_and_everything():
     labels = world(100)
     total = sum(len(rows) for rows in labels.values())
     assert draw_box_budget(labels, '3pct', seed=0).annotated_count == round(0.03 * total)
-    full = draw_box_budget(labels, 'full', seed=0, lidar_points={n: np.zeros(len(v)) for n, v in labels.items()})
+    none = {name: np.zeros(len(rows), dtype=int) for name, rows in labels.items()}
+    full = draw_box_budget(labels, 'full', seed=0, lidar_points=none)
     assert full.complete
     assert full.annotated == {name: tuple(range(len(rows))) for name, rows in labels.items()}
     assert full.annotated_per_class == full.total_per_class

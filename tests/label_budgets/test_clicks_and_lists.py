@@ -11,20 +11,17 @@ import torch
 from rm3d_plugin.datasets import Truth
 from rm3d_plugin.label_budgets import (
     BudgetError,
-    Click,
     PointAmount,
     budget_from_clicks,
     clicks_of,
     import_point_list,
-    read_clicks,
     read_point_list,
     read_scene_list,
-    write_clicks,
 )
 from rm3d_plugin.label_budgets.clicks import resolve_clicks
+from rm3d_plugin.storage import Click
 from rm3d_plugin.structures import Boxes3D, PointCloud
 
-CLASSES = ('floor', 'wall', '7', 'chair, red')
 ORIGIN = (500000.0, 5600000.0, 100.0)
 CLOUD = PointCloud(np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 0, 0], [5, 5, 5]], dtype=np.float32), origin=ORIGIN)
 
@@ -35,85 +32,6 @@ def write(path, text):
 
 
 # ---------------------------------------------------------------------- clicks
-
-
-def test_both_kinds_of_csv(tmp_path):
-    by_index = read_clicks(write(tmp_path / 'a.csv', 'scene,index,class\nx,3,wall\n y , 0 , 0\n'), CLASSES)
-    assert [(c.scene, c.index, c.semantic, c.instance, c.xyz) for c in by_index] == [
-        ('x', 3, 1, -1, None),
-        ('y', 0, 0, -1, None),
-    ]
-    text = '\ufeffClass, x,y,z,scene,instance,who\n"chair, red",1.5,2,-3e1,s,4,me\nfloor,0,0,0,s,,me\n'
-    by_place = read_clicks(write(tmp_path / 'b.csv', text), CLASSES)
-    assert [(c.scene, c.index, c.semantic, c.instance, c.xyz) for c in by_place] == [
-        ('s', None, 3, 4, (1.5, 2.0, -30.0)),
-        ('s', None, 0, -1, (0.0, 0.0, 0.0)),
-    ]
-
-
-def test_json_and_numbers_for_classes(tmp_path):
-    rows = [
-        {'scene': 's', 'index': 2, 'class': 3},
-        {'scene': 's', 'x': 1, 'y': 2.5, 'z': 0, 'class': 'wall', 'instance': 0},
-    ]
-    clicks = read_clicks(write(tmp_path / 'c.json', json.dumps(rows)), CLASSES)
-    assert [(c.index, c.semantic, c.instance, c.xyz) for c in clicks] == [
-        (2, 3, -1, None),
-        (None, 1, 0, (1.0, 2.5, 0.0)),
-    ]
-    named_seven = read_clicks(write(tmp_path / 'd.csv', 'scene,index,class\ns,0,7\n'), CLASSES)
-    assert named_seven[0].semantic == 2  # a name comes before a number
-
-
-@pytest.mark.parametrize('name', ['c.csv', 'c.json'])
-def test_written_clicks_come_back(tmp_path, name):
-    clicks = [
-        Click('s', 3, 4, 17, (500001.125, 5600000.25, 3.0), 'click'),
-        Click('t', 0, -1, 0, None, 'click'),
-        Click('t', 1, -1, None, (0.5, 0.0, 0.0), 'click'),
-    ]
-    write_clicks(tmp_path / name, clicks, CLASSES)
-    again = read_clicks(tmp_path / name, CLASSES)
-    assert [(c.scene, c.semantic, c.instance, c.index, c.xyz) for c in again] == [
-        (c.scene, c.semantic, c.instance, c.index, c.xyz) for c in clicks
-    ]
-    assert again[0].where.startswith(str(tmp_path / name))
-
-
-@pytest.mark.parametrize(
-    ('text', 'words'),
-    [
-        ('', 'first line must name the columns'),
-        ('scene,class\ns,wall\n', 'first line must name the columns.*got .scene,class.'),
-        ('scene,index,class\n', 'holds no click'),
-        (
-            'scene,index,class\ns,1,door\n',
-            'line 2: class: expected one of floor, wall, 7, chair, red or 0..3, got .door.',
-        ),
-        ('scene,index,class\ns,1,9\n', 'line 2: class'),
-        ('scene,index,class\ns,1.5,wall\n', 'line 2: index: expected a whole number'),
-        ('scene,x,y,z,class\ns,1,nan,0,wall\n', 'line 2: y: expected a number'),
-        ('scene,x,y,z,class\ns,1,,0,wall\n', 'line 2: expected an index or x, y and z'),
-        ('scene,index,class\n,1,wall\n', 'line 2: no scene'),
-        ('scene,index,class\ns\n', 'line 2: expected an index'),
-        ('scene,index,class,instance\ns,1,wall,two\n', 'line 2: instance'),
-    ],
-)
-def test_lines_that_cannot_be_used(tmp_path, text, words):
-    path = write(tmp_path / 'bad.csv', text)
-    with pytest.raises(BudgetError, match=words) as error:
-        read_clicks(path, CLASSES)
-    assert 'bad.csv' in str(error.value)
-
-
-def test_files_that_cannot_be_used(tmp_path):
-    with pytest.raises(BudgetError, match='no such file of clicks'):
-        read_clicks(tmp_path / 'none.csv', CLASSES)
-    with pytest.raises(BudgetError, match='expected a list of objects'):
-        read_clicks(write(tmp_path / 'a.json', '{"scene": 1}'), CLASSES)
-    (tmp_path / 'b.csv').write_bytes(b'\xff\xfe\x00scene')
-    with pytest.raises(BudgetError, match='expected UTF-8'):
-        read_clicks(tmp_path / 'b.csv', CLASSES)
 
 
 def click(index=None, xyz=None, semantic=0, instance=-1, where='line 1'):
@@ -142,7 +60,7 @@ def test_two_clicks_on_one_point_must_agree():
         resolve_clicks([click(1), click(1, semantic=2, where='line 9')], CLOUD)
 
 
-def test_clicks_count_the_points_of_the_file_where_the_scene_is_thinned():
+def test_clicks_count_the_points_of_the_file_where_the_scene_is_voxel_downsampled():
     rows = np.array([0, 0, 1, 2, 2, 3, 4, 4])  # eight points in the file, five kept
     found = resolve_clicks([click(4, semantic=1), click(1), click(5)], CLOUD, rows=rows)
     assert found.points.tolist() == [0, 2, 3] and found.semantic.tolist() == [0, 1, 0]
@@ -254,7 +172,7 @@ def test_lists_that_cannot_be_used(tmp_path):
         read_point_list(tmp_path / 'one.npy')
 
 
-def test_lists_count_the_points_of_the_file_where_the_scene_is_thinned(tmp_path):
+def test_lists_count_the_points_of_the_file_where_the_scene_is_voxel_downsampled(tmp_path):
     path = write(tmp_path / 'p.json', '{"s": [0, 5, 6]}')
     rows = np.array([0, 0, 1, 2, 2, 3, 3])
     budget = import_point_list(['s'], truth_of, PointAmount(point_list=str(path)), 0, lambda scene: rows)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from labeling import rounds
+from mmengine.dataset import pseudo_collate
 from mmengine.registry import DefaultScope
 from reference.toy_scenes import CLASSES, make_scene
 
@@ -15,7 +16,7 @@ from rm3d_plugin.datasets.transforms import pack_scene
 from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.labeling import PointBudgetSource, SegmentationLabelMaker
 from rm3d_plugin.labeling.sources import LabelSource
-from rm3d_plugin.models.segmentors import RM3DSegmentor
+from rm3d_plugin.models.segmentors import RM3DSegmentor, segmentation_losses
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
 from rm3d_plugin.registry import SCOPE, TRANSFORMS
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
@@ -77,21 +78,15 @@ def model(**inputs) -> RM3DSegmentor:
             backbone,
             3,
             inputs=inputs,
-            semantic_head={'balance': 'frequency'},
             instance_head={},
-            dice_loss={'type': 'DiceLoss'},
+            losses=[{'type': 'WeakSupervision', 'balance': 'frequency'}, *segmentation_losses(instances=True)[1:]],
             thing_classes=[1],
         )
 
 
 def batch_of(*items):
     """What a data loader hands to a model."""
-    packed = [pack_scene(item) for item in items]
-    names = packed[0]['inputs']
-    return {
-        'inputs': {name: [item['inputs'][name] for item in packed] for name in names},
-        'data_samples': [item['data_samples'] for item in packed],
-    }
+    return pseudo_collate([pack_scene(item) for item in items])
 
 
 def learn_and_predict(network, made, dataset_of):
@@ -292,4 +287,4 @@ def test_the_training_transforms_of_the_configs_bear_every_edge(tmp_path, edge, 
         points = item['points']
         assert np.isfinite(points).all() and 1 <= len(points) <= 500
         assert len(item['point_index']) == len(points) and (item['point_index'] < len(scene.cloud)).all()
-        assert np.isfinite(item.get('aug_points', points)).all()
+        assert all(np.isfinite(view.points).all() for view in item.get('views', ()))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from reference.toy_scenes import ToyRooms
 
-from rm3d_plugin.label_budgets import BudgetError, clicks_of, write_clicks
+from rm3d_plugin.label_budgets import BudgetError, clicks_of
 from rm3d_plugin.labeling import PointBudgetSource
+from rm3d_plugin.storage import write_clicks
 
 
 def source(budget='20pts', seed=0, count=3, **settings):
@@ -70,7 +71,9 @@ def test_nothing_to_resume_and_other_data_are_told(tmp_path):
     source().open(tmp_path, resume=False)
     denser = source(density=2)
     denser.open(tmp_path, resume=True)
-    with pytest.raises(BudgetError, match='scene room0: the label budget was drawn from .* thinning or data changed'):
+    with pytest.raises(
+        BudgetError, match='scene room0: the label budget was drawn from .* voxel downsampling or data changed'
+    ):
         denser.annotated_labels(0)
 
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from rm3d_plugin.labeling.round_summary import describe_round, summarise
-from rm3d_plugin.pseudo_labels import SceneTruth
+from rm3d_plugin.evaluation.functional import SceneTruth
+from rm3d_plugin.labeling.round_summary import describe_round, summarise_boxes
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 CLASSES = ('Car', 'Pedestrian', 'Cyclist')  # 3 = background
@@ -39,51 +39,49 @@ SECOND = labels([3, -1], [0, 0])
 TRUTHS = (
     SceneTruth(
         np.array([0, 0, 3, 0, 3, 3, 3, 3]),
-        Boxes3D(np.array([car(10), car(20.5), walker(30)], dtype=float), np.array([0, 0, 1])),
+        boxes=Boxes3D(np.array([car(10), car(20.5), walker(30)], dtype=float), np.array([0, 0, 1])),
     ),
-    SceneTruth(np.array([3, 3]), Boxes3D.empty()),
+    SceneTruth(np.array([3, 3]), boxes=Boxes3D.empty()),
 )
 
 
 def test_points_and_boxes_are_added_up_over_scenes():
-    summary = summarise([(FIRST, TRUTHS[0]), (SECOND, TRUTHS[1])], CLASSES)
+    summary = summarise_boxes([(FIRST, TRUTHS[0]), (SECOND, TRUTHS[1])], CLASSES)
     assert summary['coverage'] == pytest.approx(6 / 10) and summary['truth_known'] is True
-    assert summary['points'] == {
-        'Car': {'pseudo': 1, 'precision': 1.0},
-        'Pedestrian': {'pseudo': 1, 'precision': 0.0},
-        'Cyclist': {'pseudo': 0, 'precision': None},
-        'background': {'pseudo': 3, 'precision': pytest.approx(2 / 3)},
+    assert {name: (row['pseudo'], row['precision']) for name, row in summary['points'].items()} == {
+        'Car': (1, 1.0),
+        'Pedestrian': (1, 0.0),
+        'Cyclist': (0, None),
+        'background': (3, pytest.approx(2 / 3)),
     }
+    assert summary['precision'] == pytest.approx(3 / 5)
+    assert summary['mean_precision'] == pytest.approx((1 + 0 + 2 / 3) / 3)
+    assert summary['ranges']['>=0 m']['present'] == 9 and summary['ranges']['>=15 m']['precision'] is None
     assert summary['boxes'] == {
-        'Car': {'annotated': 1, 'pseudo': 1, 'right': 1, 'true': 2},
-        'Pedestrian': {'annotated': 0, 'pseudo': 1, 'right': 0, 'true': 1},
-        'Cyclist': {'annotated': 0, 'pseudo': 0, 'right': 0, 'true': 0},
+        'Car': {'annotated': 1, 'pseudo': 1, 'correct': 1, 'true': 2},
+        'Pedestrian': {'annotated': 0, 'pseudo': 1, 'correct': 0, 'true': 1},
+        'Cyclist': {'annotated': 0, 'pseudo': 0, 'correct': 0, 'true': 0},
     }
     json.dumps(summary)
     line = describe_round(summary)
-    assert line.startswith('coverage 60.0 %; Car 1 points (100 % right); Pedestrian 1 points (0 % right)')
-    assert 'Cyclist 0 points; background 3 points (67 % right); Car boxes 1 annotated + 1 pseudo, 1 right of 2' in line
+    assert line.startswith('coverage 60.0 %, precision 60.0 %; Car 1 points (100 % correct); Pedestrian 1 po')
+    assert (
+        'Cyclist 0 points; background 3 points (67 % correct); Car boxes 1 annotated + 1 pseudo, 1 correct of 2' in line
+    )
 
 
 @pytest.mark.parametrize('scenes', [[(FIRST, None), (SECOND, None)], []])
 def test_without_truth_only_what_there_is_is_counted(scenes):
-    summary = summarise(scenes, CLASSES)
+    summary = summarise_boxes(scenes, CLASSES)
     assert summary['truth_known'] is False and summary['coverage'] == (0.6 if scenes else 0.0)
     assert [row['precision'] for row in summary['points'].values()] == [None] * 4
     there = 1 if scenes else 0
-    assert summary['boxes']['Car'] == {'annotated': there, 'pseudo': there, 'right': 0, 'true': there}
-    assert 'right' not in describe_round(summary)
+    assert summary['boxes']['Car'] == {'annotated': there, 'pseudo': there, 'correct': 0, 'true': there}
+    assert 'correct' not in describe_round(summary)
     json.dumps(summary)
 
 
 def test_scenes_without_truth_beside_scenes_with_it():
-    summary = summarise([(FIRST, TRUTHS[0]), (FIRST, None)], CLASSES)
-    assert summary['points']['Car'] == {'pseudo': 2, 'precision': 1.0}
-    assert summary['boxes']['Car']['pseudo'] == 2 and summary['boxes']['Car']['right'] == 1
-
-
-def test_plain_table_has_a_dash_where_nothing_could_be_found() -> None:
-    from rm3d_plugin.reporting.run_report import result_table
-
-    lines = result_table({'Car_3d_easy_R40@0.50': 12.345, 'Car_3d_hard_R40@0.50': 1.0}).splitlines()
-    assert lines[1].split() == ['Car', '3d', 'AP', 'R40', '@', '0.50', '12.35', '-', '1.00']
+    summary = summarise_boxes([(FIRST, TRUTHS[0]), (FIRST, None)], CLASSES)
+    assert summary['points']['Car']['pseudo'] == 2 and summary['points']['Car']['precision'] == 1.0
+    assert summary['boxes']['Car']['pseudo'] == 2 and summary['boxes']['Car']['correct'] == 1

@@ -5,9 +5,10 @@ import pytest
 from labeling import rounds
 from reference.toy_scenes import ToyRooms, make_scene
 
+from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.labeling import AnnotatedLabelMaker, PointBudgetSource, SegmentationLabelMaker, point_label_maker
-from rm3d_plugin.labeling.round_summary import PointTruth, describe_round, offset_errors, summarise_points
+from rm3d_plugin.labeling.round_summary import describe_round, summarise_points
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import PointPrediction, SceneInputs, SegmentationRules
 from rm3d_plugin.pseudo_labels.ground import classifier as ground_classifier
@@ -396,17 +397,7 @@ def labels(semantic, instance, is_annotated):
 
 
 XYZ = np.array([[0, 0, 0], [2, 0, 0], [4, 0, 0], [6, 0, 0], [0, 9, 0], [0, 9, 0]], dtype=np.float32)
-TRUTH = PointTruth(XYZ, np.array([1, 1, 1, 1, 0, -1]), np.array([0, 0, 0, 0, -1, -1]))
-
-
-def test_offset_errors_by_hand():
-    half = labels([1, 1, -1, 0, 0, 1], [3, 3, -1, -1, -1, 3], [0] * 6)  # the unknown point belongs to it too
-    sums, counts = offset_errors(half, TRUTH, 2)
-    assert counts.tolist() == [0, 2]
-    centre = np.array([2 / 3, 3.0, 0])  # of three points; the truth's is (3, 0, 0)
-    assert sums[1] == pytest.approx(2 * np.linalg.norm(centre - [3, 0, 0]))
-    perfect = labels([1, 1, 1, 1, 0, -1], [7, 7, 7, 7, -1, -1], [0] * 6)
-    assert offset_errors(perfect, TRUTH, 2).tolist() == [[0, 0], [0, 4]]
+TRUTH = SceneTruth(np.array([1, 1, 1, 1, 0, -1]), np.array([0, 0, 0, 0, -1, -1]), XYZ)
 
 
 def test_a_round_added_up_by_hand():
@@ -432,7 +423,7 @@ def test_a_round_added_up_by_hand():
     }
     assert summary['boxes'] == {} and summary['truth_known']
     line = describe_round(summary)
-    assert line.startswith('coverage 85.7 %, 66.7 % right, centres of instances off by 2.00 m; floor 4 points (50 % r')
+    assert line.startswith('coverage 85.7 %, precision 66.7 %, offset error 2.00 m; floor 4 points (50 % correct)')
 
 
 def test_without_truth_or_scenes():

@@ -73,7 +73,7 @@ def make_scene(seed, classes=(0, 1, 2, 0), floor=300, view=False):
     inputs = {'points': cloud}
     if view:
         rows = torch.from_numpy(rng.permutation(len(cloud))[: len(cloud) // 2])
-        inputs.update(aug_points=cloud[rows] * torch.tensor([1.0, -1.0, 1.0, 1.0]), aug_index=rows)
+        inputs['views'] = [{'points': cloud[rows] * torch.tensor([1.0, -1.0, 1.0, 1.0]), 'point_ids': rows}]
     return {'inputs': inputs, 'data_samples': sample}
 
 

@@ -37,7 +37,7 @@ def assert_same_step(model, make_items):
 @pytest.mark.parametrize('backend', BACKENDS)
 def test_a_step_of_the_instance_segmentor(backend):
     torch.manual_seed(0)
-    config = segmentor_config(dice_loss=dict(type='DiceLoss'))
+    config = segmentor_config()
     config['backbone']['backend'] = 'ours'
     model = MODELS.build(config)
     other_config = copy.deepcopy(config)
@@ -53,7 +53,7 @@ def test_a_step_of_the_instance_segmentor(backend):
 
 def test_a_step_of_the_detector(world):
     torch.manual_seed(0)
-    config = world.config(backbone=dict(type='SparseUNet', voxel_size=0.3, widths=[8, 16], blocks=1, in_channels=4))
+    config = world.config(backbone=dict(type='SparseUNet', voxel_size=0.3, widths=[8, 16], blocks=1))
     assert_same_step(MODELS.build(config), lambda: [world.make_scene(seed, classes=(0, 1, 2)) for seed in range(2)])
 
 

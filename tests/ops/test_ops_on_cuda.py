@@ -7,7 +7,7 @@ from rm3d_plugin.ops._backends import has_spconv
 from rm3d_plugin.ops.grouping import ball_query, batch_index
 from rm3d_plugin.ops.kernel_map import KernelSpec, VoxelLevel
 from rm3d_plugin.ops.sampling import furthest_point_sample
-from rm3d_plugin.ops.sparse_conv import sparse_conv, sparse_pool
+from rm3d_plugin.ops.sparse_conv import sparse_conv
 from rm3d_plugin.ops.voxelize import gather_rows, sum_rows, voxelize
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason='no CUDA device')
@@ -81,19 +81,6 @@ def test_sparse_convolution_in_double_precision_on_the_cpu(spec, transposed, bac
         results.append([part.cpu().float() for part in (out, *grads)])
     for got, wanted in zip(results[1], results[0], strict=True):
         assert float((got - wanted).norm() / wanted.norm()) < 1e-3
-
-
-@pytest.mark.parametrize('reduce', ['max', 'avg'])
-def test_pooling(reduce):
-    kernel = KernelSpec((2, 2, 2), (2, 2, 2))
-    results = []
-    for device in ('cpu', 'cuda'):
-        level = random_level(device)
-        x = torch.randn(len(level), 5, generator=torch.Generator().manual_seed(4)).to(device).requires_grad_()
-        out = sparse_pool(x, level.kernel_map(kernel), reduce)
-        (grad,) = torch.autograd.grad(out.square().sum(), x)
-        results.append([out.detach().cpu(), grad.cpu()])
-    torch.testing.assert_close(*results, atol=1e-5, rtol=1e-5)
 
 
 def test_balls_and_furthest_points():

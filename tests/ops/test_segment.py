@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.ops.segment import segment_majority, segment_mean, segment_mean_axis, segment_sizes, segment_sum
+from rm3d_plugin.ops.segment import (
+    scatter_rows,
+    segment_majority,
+    segment_mean,
+    segment_mean_axis,
+    segment_sizes,
+    segment_sum,
+    segment_values,
+)
 
 
 def test_sum_mean_and_sizes_leave_out_minus_one():
@@ -22,6 +30,28 @@ def test_majority_ties_go_to_the_lower_value():
     values = np.array([7, 3, 3, 7, 5, -1, 2])
     labels = np.array([0, 0, 0, 0, 1, 1, -1])
     assert segment_majority(values, labels, 3).tolist() == [3, 5, -1]
+
+
+def test_majority_ties_go_to_the_more_frequent_value_first():
+    values = np.array([0, 1, 1, 2, 0, 2, 0, 0, 1])
+    labels = np.array([0, 0, 1, 1, 2, 2, 3, 3, 3])
+    assert segment_majority(values, labels, 5).tolist() == [0, 1, 0, 0, -1]
+    assert segment_majority(values, labels, 5, np.array([5, 9, 9])).tolist() == [1, 1, 2, 0, -1]
+    with pytest.raises(ValueError, match='frequency of 2 values, but there is 2'):
+        segment_majority(values, labels, 5, np.array([5, 9]))
+
+
+def test_scatter_and_back():
+    rows = np.array([[1.0, 2.0], [3.0, 4.0]], dtype=np.float32)
+    out = scatter_rows(rows, np.array([2, 0]), 3, np.nan)
+    np.testing.assert_array_equal(out, np.float32([[3, 4], [np.nan, np.nan], [1, 2]]))
+    assert (
+        out.dtype == np.float32 and scatter_rows(rows[:0], np.zeros(0, dtype=np.int64), 2, 0).tolist() == [[0, 0]] * 2
+    )
+    labels = np.array([1, -1, 0, 1])
+    assert segment_values(np.array([5, 6]), labels, -1).tolist() == [6, -1, 5, 6]
+    np.testing.assert_array_equal(segment_values(rows, labels, 0.0)[:, 0], [3, 0, 1, 3])
+    assert segment_values(np.array([True]), np.array([0, -1]), False).tolist() == [True, False]
 
 
 def test_mean_axis_does_not_depend_on_signs():

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from reference.sparse_conv_slow import neighbours_slowly, pool_slowly
+from reference.sparse_conv_slow import neighbours_slowly
 from torch.nn import functional as F
 
 from rm3d_plugin.ops._gather_gemm import BLOCK_ROWS, PART_ROWS
@@ -20,7 +20,6 @@ from rm3d_plugin.ops.sparse_conv import (
     _weight_grad,
     _weight_grad_plain,
     sparse_conv,
-    sparse_pool,
 )
 from rm3d_plugin.ops.voxelize import COORDINATE_LIMIT, pack_coords
 
@@ -203,28 +202,6 @@ def test_half_precision_takes_the_plain_path():
     torch.testing.assert_close(got.float(), sparse_conv(values, weight, kernel_map), atol=0.5, rtol=0.05)
 
 
-@pytest.mark.parametrize('reduce', ['max', 'avg'])
-@pytest.mark.parametrize(('kernel', 'stride'), [(2, 2), (3, 1), (3, 2), (2, 3)])
-def test_pooling(reduce, kernel, stride):
-    torch.manual_seed(5)
-    level = random_level(0.2, batch=1, side=5)
-    spec = KernelSpec((kernel,) * 3, (stride,) * 3)
-    kernel_map, target = level.kernel_map(spec), level.coarser((stride,) * 3)
-    values = torch.randn(len(level), 3, dtype=torch.float64, requires_grad=True)
-    pairs = neighbours_slowly(level.coords, target.coords, spec.offsets(), spec.stride)
-    wanted = pool_slowly(values, pairs, len(target), reduce)
-    got = sparse_pool(values, kernel_map, reduce)
-    torch.testing.assert_close(got, wanted, atol=1e-12, rtol=0)
-    assert torch.autograd.gradcheck(lambda v: sparse_pool(v, kernel_map, reduce), (values,))
-
-
-def test_an_output_voxel_without_inputs_is_zero():
-    level = VoxelLevel(torch.tensor([[0, 2, 2, 2]]))
-    kernel_map = level.kernel_map(KernelSpec((2, 2, 2), (3, 3, 3)))  # the kernel covers 0 and 1 of the cell 0 to 2
-    for pooled in (sparse_pool(torch.ones(1, 2), kernel_map, reduce) for reduce in ('max', 'avg')):
-        assert pooled.tolist() == [[0.0, 0.0]]
-
-
 def test_single_voxel_and_none():
     weight = torch.randn(27, 2, 3)
     alone = VoxelLevel(torch.tensor([[0, 5, -7, 9]])).kernel_map(KernelSpec((3, 3, 3)))
@@ -266,5 +243,3 @@ def test_bad_shapes_are_named():
         sparse_conv(torch.ones(kernel_map.n_in, 2), torch.ones(8, 2, 2), kernel_map)
     with pytest.raises(ValueError, match='input voxels'):
         sparse_conv(torch.ones(1, 2), torch.ones(27, 2, 2), kernel_map)
-    with pytest.raises(ValueError, match="'max' or 'avg'"):
-        sparse_pool(torch.ones(kernel_map.n_in, 2), kernel_map, 'sum')

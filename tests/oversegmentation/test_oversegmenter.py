@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.oversegmentation import Oversegmenter
+from rm3d_plugin.oversegmentation import GroundPatches, Oversegmenter, Precomputed, RegionGrowing
 from rm3d_plugin.oversegmentation.base import seeds_among
 from rm3d_plugin.registry import OVERSEGMENTERS
-from rm3d_plugin.structures import Descriptors, PointCloud
+from rm3d_plugin.structures import Descriptors, PointCloud, SceneError
 
 
 class Recorder(Oversegmenter):
     """One region a point; remembers what it was given."""
 
-    def partition(self, cloud, descriptors, seeds=None):
+    def partition(self, cloud, descriptors, seeds=None, scene=''):
         self.given = (cloud, descriptors, seeds)
         return np.arange(len(cloud))
 
@@ -58,5 +58,32 @@ def test_precomputed_labels_pass_through():
     cloud = PointCloud(np.zeros((4, 3)))
     segmenter = OVERSEGMENTERS.build(dict(type='Precomputed', labels=[7, 7, -1, 2]))
     assert segmenter.segment(cloud, rows(cloud)).labels.tolist() == [0, 0, -1, 1]
-    with pytest.raises(ValueError, match=r'expected shape \(5,\), got \(4,\)'):
+    with pytest.raises(ValueError, match=r'expected shape \(5,\), one label a point, got \(4,\)'):
         segmenter.segment(PointCloud(np.zeros((5, 3))), rows(PointCloud(np.zeros((5, 3)))))
+
+
+def test_precomputed_files_of_many_scenes(tmp_path):
+    np.savez(tmp_path / 'a.npz', labels=np.array([4, 4, -1, 9]), xyz=np.zeros((4, 3)))
+    np.savez(tmp_path / 'b.npz', labels=np.array([0.5]))
+    cloud = PointCloud(np.zeros((4, 3)))
+    segmenter = Precomputed(files=str(tmp_path / '{scene}.npz'))
+    assert segmenter.segment(cloud, rows(cloud), scene='a').labels.tolist() == [0, 0, -1, 1]
+    with pytest.raises(SceneError, match="scene 'c' has no file .*c.npz"):
+        segmenter.segment(cloud, rows(cloud), scene='c')
+    with pytest.raises(SceneError, match='b.npz: expected whole numbers'):
+        segmenter.segment(cloud, rows(cloud), scene='b')
+    np.save(tmp_path / 'a.npy', np.array([1, 1, 1]))
+    with pytest.raises(ValueError, match=r'a.npy: expected shape \(4,\), one label a point, got \(3,\)'):
+        Precomputed(files=str(tmp_path / '{scene}.npy')).segment(cloud, rows(cloud), scene='a')
+    for labels, files in ((None, None), ([1], 'x/{scene}.npz')):
+        with pytest.raises(ValueError, match='got both or neither'):
+            Precomputed(labels, files)
+    with pytest.raises(ValueError, match="path with {scene} in it, got 'x.npz'"):
+        Precomputed(files='x.npz')
+
+
+def test_settings_make_the_fingerprint():
+    same, other = RegionGrowing(zeta=0.02), RegionGrowing(zeta=0.03)
+    assert same.fingerprint() == RegionGrowing().fingerprint() != other.fingerprint()
+    patches = [GroundPatches(1.0, {'type': 'RegionGrowing', 'zeta': zeta}).fingerprint() for zeta in (0.02, 0.03)]
+    assert len({*patches, Precomputed([0, 1]).fingerprint(), Precomputed([1, 1]).fingerprint()}) == 4

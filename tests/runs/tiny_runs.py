@@ -4,6 +4,7 @@ The processes are forked from a server that has imported everything once, so one
 where there is a GPU, which no forked process could use, each imports everything by itself.
 """
 
+import io
 import multiprocessing
 import os
 import re
@@ -239,33 +240,27 @@ def _before_last_validation() -> None:
 
 def _in_checkpoint() -> None:
     """Half of the second checkpoint reaches the disk."""
-    from rm3d_plugin.engine.hooks import safe_checkpoint_hook
+    from rm3d_plugin.storage import files
 
-    fdopen, calls = os.fdopen, iter(range(1, 10**6))
+    write, calls = files.atomic_write, iter(range(1, 10**6))
 
-    def half_open(handle: int, *args: Any, **kwargs: Any) -> Any:
-        stream = fdopen(handle, *args, **kwargs)
-        if str(os.readlink(f'/proc/self/fd/{handle}')).endswith('.part') and next(calls) == 2:
-            return _HalfWriter(stream)
-        return stream
+    def half(path: Any, content: Any) -> Any:
+        if str(path).endswith('.pth') and next(calls) == 2:
+            content = _dying_after_half(content)
+        return write(path, content)
 
-    safe_checkpoint_hook.os.fdopen = half_open
+    files.atomic_write = half
 
 
-class _HalfWriter:
-    def __init__(self, stream: Any) -> None:
-        self.stream = stream
-
-    def __enter__(self) -> '_HalfWriter':
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stream.close()
-
-    def write(self, data: bytes) -> None:
-        self.stream.write(data[: len(data) // 2])
-        self.stream.flush()
+def _dying_after_half(content: Any) -> Any:
+    def write(file: Any) -> None:
+        whole = io.BytesIO()
+        content(whole)
+        file.write(whole.getvalue()[: len(whole.getvalue()) // 2])
+        file.flush()
         die()
+
+    return write
 
 
 def _before_rename(call: int, part: str) -> None:

@@ -28,9 +28,9 @@ def test_the_items_asked_for_longest_ago_are_forgotten():
     assert len(items) == 2 and ask('a') is first
     ask('b')
     assert made == ['a', 'b', 'c', 'b']
-    ask('huge', 2000)  # has no room, and takes that of all others
-    assert len(items) == 0 and ask('huge', 2000).nbytes == 2000 * 1024 and made[-2:] == ['huge', 'huge']
-    assert ask('a') is not first and len(items) == 1
+    ask('huge', 2000)  # has no room, and leaves that of the others alone
+    assert len(items) == 2 and ask('huge', 2000).nbytes == 2000 * 1024 and made[-2:] == ['huge', 'huge']
+    assert ask('b').nbytes == 400 * 1024 and made[-1] == 'huge'
 
 
 def test_what_is_kept_does_not_travel():

@@ -15,7 +15,6 @@ from rm3d_plugin.visualization import (
     Series,
     draw_chart,
     render_report,
-    smooth,
     write_report,
 )
 from rm3d_plugin.visualization.curves import nice_ticks
@@ -28,14 +27,14 @@ ROUNDS = [
         'coverage': 0.125,
         'truth_known': True,
         'points': {'Car': {'pseudo': 1234, 'precision': 0.875}, 'background': {'pseudo': 9, 'precision': None}},
-        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'right': 6, 'true': 26}},
+        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'correct': 6, 'true': 26}},
     },
     {
         'round': 5,
         'coverage': 0.5,
         'truth_known': False,
         'points': {},
-        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'right': 0}},
+        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'correct': 0}},
     },
 ]
 RUN = RunReport(
@@ -168,10 +167,6 @@ class TestCurves:
         assert nice_ticks(0, 320, 8) == [0, 50, 100, 150, 200, 250, 300]
         assert nice_ticks(-0.003, 0.011) == [0, 0.005, 0.01]
         assert nice_ticks(2, 2) == [2]
-
-    def test_running_mean(self):
-        assert smooth([1, 3, 5, 7], 2) == [1, 2, 4, 6]
-        assert smooth([], 3) == []
 
 
 def test_durations():

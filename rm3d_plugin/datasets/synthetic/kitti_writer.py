@@ -1,7 +1,6 @@
 """Synthetic streets as a KITTI object data set: training/{velodyne,label_2,calib} and ImageSets (no images)."""
 
 import json
-import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -27,6 +26,7 @@ from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar, cast, count_hits
 from rm3d_plugin.datasets.synthetic.road_users import RoadUser
 from rm3d_plugin.datasets.synthetic.shapes import cos_sin, join
 from rm3d_plugin.datasets.synthetic.streets import Placed, Street, make_street
+from rm3d_plugin.storage import write_bytes, write_text
 
 VERSION = 2  # raise whenever the bytes of a frame change
 MARKER = 'demo.json'
@@ -128,35 +128,23 @@ def make_streets(
     if found == wanted | {'finished': True}:
         return root
     _prepare(root, found, recipe)
-    _write_text(root / MARKER, json.dumps(wanted | {'finished': False}, indent=2) + '\n')
+    write_text(root / MARKER, json.dumps(wanted | {'finished': False}, indent=2) + '\n')
     todo = [n for n in range(num_train + num_val) if not _frame_paths(root, n)[-1].is_file()]
     for _ in tqdm(_run(root, seed, lidar, todo, workers), 'synthetic streets', len(todo), disable=not progress):
         pass
     sets = root / 'ImageSets'
-    _write_text(sets / 'train.txt', ''.join(f'{n:06d}\n' for n in range(num_train)))
-    _write_text(sets / 'val.txt', ''.join(f'{n:06d}\n' for n in range(num_train, num_train + num_val)))
-    _write_text(root / MARKER, json.dumps(wanted | {'finished': True}, indent=2) + '\n')
+    write_text(sets / 'train.txt', ''.join(f'{n:06d}\n' for n in range(num_train)))
+    write_text(sets / 'val.txt', ''.join(f'{n:06d}\n' for n in range(num_train, num_train + num_val)))
+    write_text(root / MARKER, json.dumps(wanted | {'finished': True}, indent=2) + '\n')
     return root
 
 
 def write_frame(root: Path, number: int, frame: Frame) -> None:
     """Write the three files of a frame, each atomically, the scan last."""
     calib_path, label_path, scan_path = _frame_paths(root, number)
-    partial = calib_path.with_name(f'{calib_path.name}.tmp{os.getpid()}')
-    write_calib(partial, frame.calib)
-    os.replace(partial, calib_path)
-    _write_text(label_path, ''.join(format_object(item) + '\n' for item in frame.objects))
-    _write_bytes(scan_path, frame.points.astype('<f4').tobytes())
-
-
-def _write_text(path: Path, text: str) -> None:
-    _write_bytes(path, text.encode('ascii'))
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    partial = path.with_name(f'{path.name}.tmp{os.getpid()}')
-    partial.write_bytes(data)
-    os.replace(partial, path)
+    write_calib(calib_path, frame.calib)
+    write_text(label_path, ''.join(format_object(item) + '\n' for item in frame.objects))
+    write_bytes(scan_path, frame.points.astype('<f4').tobytes())
 
 
 def _frame_paths(root: Path, number: int) -> tuple[Path, Path, Path]:
@@ -188,7 +176,7 @@ def _prepare(root: Path, found: dict[str, object] | None, recipe: dict[str, obje
     for name in ('velodyne', 'label_2', 'calib'):
         (root / 'training' / name).mkdir(parents=True, exist_ok=True)
     (root / 'ImageSets').mkdir(exist_ok=True)
-    _write_text(root / 'README.txt', README)
+    write_text(root / 'README.txt', README)
 
 
 def _run(root: Path, seed: int, lidar: SpinningLidar, todo: list[int], workers: int) -> Iterator[None]:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from rm3d_plugin.storage import write_bytes
+
 ROOMS_VERSION = 3  # raise whenever the bytes of a room change
 MARKER = 'demo.json'
 PARTIAL = '.partial'
@@ -68,13 +70,6 @@ def fill_demo(
     finish()
     write_bytes(root / MARKER, _marker_text(wanted, True))
     return root
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file at once, or not at all."""
-    partial = path.with_name(f'{path.name}.tmp{os.getpid()}')
-    partial.write_bytes(data)
-    os.replace(partial, path)
 
 
 def _marker_text(wanted: Mapping[str, object], finished: bool) -> bytes:

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.datasets.synthetic.room_demo import ROOMS_VERSION, fill_demo, write_bytes
+from rm3d_plugin.datasets.synthetic.room_demo import ROOMS_VERSION, fill_demo
 from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES
 from rm3d_plugin.datasets.synthetic.rooms import SPACING, RoomScan, make_room
+from rm3d_plugin.storage import write_bytes
 
 README = """This folder is SYNTHETIC. rm3d_plugin made it: parametric rooms, scanned by a virtual depth camera.
 The files have the format of S3DIS, but none of the content comes from S3DIS, and a score on them says nothing about

@@ -10,7 +10,7 @@ from rm3d_plugin.datasets.semantic3d import HOLDOUT, TRAINING
 from rm3d_plugin.datasets.semantic3d_format import GREATEST, LEAST
 from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar
 from rm3d_plugin.datasets.synthetic.parts import Part, paint
-from rm3d_plugin.datasets.synthetic.room_demo import fill_demo, write_bytes
+from rm3d_plugin.datasets.synthetic.room_demo import fill_demo
 from rm3d_plugin.datasets.synthetic.street_scans import (
     STREETS_VERSION,
     VAL_STREETS,
@@ -20,6 +20,7 @@ from rm3d_plugin.datasets.synthetic.street_scans import (
     pose_on_road,
     scan_scene,
 )
+from rm3d_plugin.storage import write_bytes
 
 README = """This folder is SYNTHETIC. rm3d_plugin made it: parametric streets, scanned by a virtual terrestrial scanner.
 The files have the format and the names of Semantic3D, but none of the content comes from it, and a score on them says

@@ -11,7 +11,7 @@ from rm3d_plugin.datasets.semantickitti import TRAIN, VAL
 from rm3d_plugin.datasets.semantickitti_format import pack_labels
 from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar
 from rm3d_plugin.datasets.synthetic.parts import Part
-from rm3d_plugin.datasets.synthetic.room_demo import fill_demo, write_bytes
+from rm3d_plugin.datasets.synthetic.room_demo import fill_demo
 from rm3d_plugin.datasets.synthetic.street_scans import (
     STREETS_VERSION,
     VAL_STREETS,
@@ -22,6 +22,7 @@ from rm3d_plugin.datasets.synthetic.street_scans import (
     pose_on_road,
     scan_scene,
 )
+from rm3d_plugin.storage import write_bytes
 
 README = """This folder is SYNTHETIC. rm3d_plugin made it: parametric streets, scanned by a virtual lidar of 64 beams.
 The files have the format of SemanticKITTI, but none of the content comes from it, and a score on them says nothing

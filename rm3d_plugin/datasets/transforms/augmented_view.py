@@ -1,4 +1,4 @@
-"""The second view of a scene that the consistency loss compares with the first (METHOD 7, L_Aug)."""
+"""Further views of a scene, which the consistency loss compares with the first (METHOD 7, L_Aug)."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -27,11 +27,11 @@ class View:
 
     Attributes:
         points: (m, 3 + channels) float32.
-        index: (m,) int64 ascending; row ``i`` is a copy of row ``index[i]`` of the first view.
+        point_ids: (m,) int64 ascending; row ``i`` is a copy of row ``point_ids[i]`` of the first view.
     """
 
     points: Float[np.ndarray, 'kept channels']
-    index: Int[np.ndarray, ' kept']
+    point_ids: Int[np.ndarray, ' kept']
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def elastic_shift(
 
 @TRANSFORMS.register_module()
 class AugmentedView:
-    """Adds ``aug_points`` (m, channels) and ``aug_index`` (m,), the rows of ``points`` they copy.
+    """Appends a :class:`View` to the list ``views``; several of these transforms make several views.
 
     Comes last before PackScene. The arguments are those of :class:`ViewSettings`.
     """
@@ -169,6 +169,7 @@ class AugmentedView:
         """Take the view by the item's generator."""
         points, rng, prob = results['points'], results['rng'], self.settings.prob
         if prob < 1 and rng.random() >= prob:
-            return results | {'aug_points': points[:0].copy(), 'aug_index': np.zeros(0, dtype=np.int64)}
-        view = augmented_view(points, self.settings, rng)
-        return results | {'aug_points': view.points, 'aug_index': view.index}
+            view = View(points[:0].copy(), np.zeros(0, dtype=np.int64))
+        else:
+            view = augmented_view(points, self.settings, rng)
+        return results | {'views': [*results.get('views', ()), view]}

@@ -46,7 +46,7 @@ class ClearanceFeatures:
         Raises:
             ValueError: An augmented view was already taken.
         """
-        if 'aug_points' in results:
+        if 'views' in results:
             raise ValueError('ClearanceFeatures: expected AugmentedView behind it')
         points = results['points']
         xyz = np.ascontiguousarray(points[:, :3])

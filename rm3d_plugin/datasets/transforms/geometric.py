@@ -71,7 +71,7 @@ def _boxes(results: dict[str, Any]) -> Float[np.ndarray, 'boxes 7']:
 
 
 def _refuse_view(results: dict[str, Any]) -> None:
-    if 'aug_points' in results:
+    if 'views' in results:
         raise ValueError('the scene cannot move after AugmentedView; move AugmentedView behind this transform')
 
 

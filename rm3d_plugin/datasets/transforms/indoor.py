@@ -115,7 +115,7 @@ class ElasticDistortion:
         Raises:
             ValueError: The scene has boxes, which would no longer fit, or an augmented view was already taken.
         """
-        if len(results.get('boxes', ())) or 'aug_points' in results:
+        if len(results.get('boxes', ())) or 'views' in results:
             raise ValueError('ElasticDistortion: expected a scene without boxes, and AugmentedView behind it')
         if results['rng'].random() >= self.prob:
             return results

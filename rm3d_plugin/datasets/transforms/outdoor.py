@@ -52,7 +52,7 @@ class HeightAboveGround:
         Raises:
             ValueError: The scene has boxes, which would no longer fit, or an augmented view was already taken.
         """
-        if len(results.get('boxes', ())) or 'aug_points' in results:
+        if len(results.get('boxes', ())) or 'views' in results:
             raise ValueError('HeightAboveGround: expected a scene without boxes, and AugmentedView behind it')
         xyz = np.ascontiguousarray(results['points'][:, :3])
         heights = self._recent.get_or_make(xyz, lambda: segment_ground(xyz, **self.options).height)

@@ -25,14 +25,17 @@ def pack_scene(results: dict[str, Any]) -> dict[str, Any]:
     """Turn an item into tensors.
 
     Returns:
-        ``inputs``: dict of float32 ``points`` (n, channels) and, with an augmented view, ``aug_points`` (m, channels)
-        and int64 ``aug_index`` (m,). ``data_samples``: a :class:`SceneSample`; fields whose arrays are absent are
-        absent; metainfo scene_id, num_points and, for metrics, annotation.
+        ``inputs``: dict of float32 ``points`` (n, channels) and, with further views, ``views``: a list of dicts of
+        float32 ``points`` (m, channels) and int64 ``point_ids`` (m,), the rows of the first view that they copy.
+        ``data_samples``: a :class:`SceneSample`; fields whose arrays are absent are absent; metainfo scene_id,
+        num_points and, for metrics, annotation.
     """
-    inputs = {'points': _tensor(results['points'], np.float32)}
-    if 'aug_points' in results:
-        inputs['aug_points'] = _tensor(results['aug_points'], np.float32)
-        inputs['aug_index'] = _tensor(results['aug_index'], np.int64)
+    inputs: dict[str, Any] = {'points': _tensor(results['points'], np.float32)}
+    if 'views' in results:
+        inputs['views'] = [
+            {'points': _tensor(view.points, np.float32), 'point_ids': _tensor(view.point_ids, np.int64)}
+            for view in results['views']
+        ]
     sample = SceneSample(metainfo={'scene_id': results['scene_id'], 'num_points': results['num_points']})
     if results.get('annotation') is not None:
         sample.set_metainfo({'annotation': results['annotation']})

@@ -18,7 +18,7 @@ def select_points(results: dict[str, Any], index: np.ndarray) -> dict[str, Any]:
     Raises:
         ValueError: An augmented view was already taken, whose rows would no longer fit.
     """
-    if 'aug_index' in results:
+    if 'views' in results:
         raise ValueError('points cannot be dropped after AugmentedView; move AugmentedView behind this transform')
     return results | {name: results[name][index] for name in POINT_FIELDS if name in results}
 

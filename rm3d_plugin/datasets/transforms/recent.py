@@ -1,10 +1,10 @@
 """What was computed of the last few scenes, kept in memory: a data set of few scenes meets each of them every epoch."""
 
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from cachetools import LRUCache
 
 from rm3d_plugin.storage.files import content_key
 
@@ -19,8 +19,7 @@ class RecentArrays:
     def __init__(self, size: int = 16) -> None:
         if size < 1:
             raise ValueError(f'RecentArrays: expected size >= 1, got {size}')
-        self.size = size
-        self._kept: OrderedDict[str, np.ndarray] = OrderedDict()
+        self._kept: LRUCache[str, np.ndarray] = LRUCache(size)
 
     @classmethod
     def shared(cls, kind: str, size: int) -> 'RecentArrays':
@@ -31,8 +30,16 @@ class RecentArrays:
             size: At least so many are kept.
         """
         found = _SHARED.setdefault(kind, cls(size))
-        found.size = max(found.size, size)
+        if found.size < size:
+            wider: LRUCache[str, np.ndarray] = LRUCache(size)
+            wider.update(found._kept)
+            found._kept = wider
         return found
+
+    @property
+    def size(self) -> int:
+        """How many are kept at most."""
+        return int(self._kept.maxsize)
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -42,14 +49,11 @@ class RecentArrays:
         key = content_key('recent', content)
         if key not in self._kept:
             self._kept[key] = make()
-            if len(self._kept) > self.size:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(key)
         return self._kept[key]
 
     def __getstate__(self) -> dict[str, Any]:
         """Empty: what is kept shall not travel to other processes."""
-        return {'size': self.size, '_kept': OrderedDict()}
+        return {'_kept': LRUCache(self.size)}
 
 
 _SHARED: dict[str, RecentArrays] = {}

@@ -80,6 +80,6 @@ class PointNoise:
         Raises:
             ValueError: An augmented view was already taken, which would not have the noise.
         """
-        if 'aug_points' in results:
+        if 'views' in results:
             raise ValueError('PointNoise: expected AugmentedView behind it')
         return results | {'points': noisy_points(results['points'], self.jitter, self.columns, results['rng'])}

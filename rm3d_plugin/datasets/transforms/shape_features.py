@@ -57,7 +57,7 @@ class ShapeFeatures:
         Raises:
             ValueError: An augmented view was already taken.
         """
-        if 'aug_points' in results:
+        if 'views' in results:
             raise ValueError('ShapeFeatures: expected AugmentedView behind it')
         points = results['points']
         xyz = np.ascontiguousarray(points[:, :3])

@@ -51,7 +51,7 @@ class SinusoidalPosition:
         Raises:
             ValueError: An augmented view was already taken.
         """
-        if 'aug_points' in results:
+        if 'views' in results:
             raise ValueError('SinusoidalPosition: expected AugmentedView behind it')
         points = results['points']
         values = place_columns(points[:, :3], self.wavelengths)

@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
 from rm3d_plugin.labeling.label_maker import LabelMaker
+from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
 from rm3d_plugin.structures import Boxes3D
@@ -163,13 +164,11 @@ def point_prediction(sample: Any) -> PointPrediction:
     index = sample.point_index.cpu().numpy() if 'point_index' in sample else np.arange(len(probs))
     total = int(sample.get('num_points', len(probs)))
 
-    def scatter(values: np.ndarray) -> np.ndarray:
-        out = np.full((total, values.shape[1]), np.nan, dtype=np.float32)
-        out[index] = values
-        return out
-
-    centers = sample.pred_point_centers.float().cpu().numpy() if 'pred_point_centers' in sample else None
-    return PointPrediction(scatter(probs), None if centers is None else scatter(centers), _boxes(sample))
+    probabilities = scatter_rows(probs, index, total, fill=np.nan)
+    if 'pred_point_centers' not in sample:
+        return PointPrediction(probabilities, None, _boxes(sample))
+    centers = sample.pred_point_centers.float().cpu().numpy()
+    return PointPrediction(probabilities, scatter_rows(centers, index, total, fill=np.nan), _boxes(sample))
 
 
 def _boxes(sample: Any) -> Boxes3D | None:

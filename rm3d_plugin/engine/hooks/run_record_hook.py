@@ -1,6 +1,6 @@
 """Keeps ``metrics.json`` of the work directory: losses of each epoch, scores of each validation."""
 
-import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +9,30 @@ from mmengine.dist import is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
+from rm3d_plugin.evaluation.records import ScoreRecord, records_from, records_of, rows_of
 from rm3d_plugin.registry import HOOKS
-from rm3d_plugin.storage import write_json
+from rm3d_plugin.storage import read_json, write_json
 
 
 def read_record(work_dir: str | Path) -> dict[str, Any]:
     """The run's ``metrics.json``, or an empty record."""
     path = Path(work_dir) / 'metrics.json'
-    if not path.is_file():
-        return {'losses': {}, 'validation': {}, 'final': {}}
-    record: dict[str, Any] = json.loads(path.read_text(encoding='utf-8'))
-    return record
+    return {**_empty(), **(read_json(path) if path.is_file() else {})}
+
+
+def _empty() -> dict[str, Any]:
+    return {'losses': {}, 'validation': {}, 'final': {}, 'records': {}}
+
+
+def score_records(record: Mapping[str, Any]) -> dict[int, tuple[ScoreRecord, ...]]:
+    """Of each validated epoch, in their order, what the metrics handed on; a run of an older version has none."""
+    return {int(epoch): records_from(record['records'][epoch]) for epoch in sorted(record['records'], key=int)}
+
+
+def final_records(record: Mapping[str, Any]) -> tuple[ScoreRecord, ...]:
+    """What the metrics handed on after the last validation."""
+    by_epoch = score_records(record)
+    return by_epoch[max(by_epoch)] if by_epoch else ()
 
 
 @HOOKS.register_module()
@@ -39,8 +52,8 @@ class RunRecordHook(Hook):
 
     def before_train(self, runner: Runner) -> None:
         """Take up the record of an interrupted run, or begin a new one."""
-        self.record = read_record(runner.work_dir) if runner.epoch else {'losses': {}, 'validation': {}, 'final': {}}
-        for part in ('losses', 'validation'):
+        self.record = read_record(runner.work_dir) if runner.epoch else _empty()
+        for part in ('losses', 'validation', 'records'):
             self.record[part] = {k: v for k, v in self.record[part].items() if int(k) <= runner.epoch}
         self.record.update(
             config=runner.cfg.get('config_name'), seed=runner.seed, synthetic=bool(runner.cfg.get('is_demo', False))
@@ -68,6 +81,7 @@ class RunRecordHook(Hook):
     def after_val_epoch(self, runner: Runner, metrics: dict[str, Any] | None = None) -> None:
         """Write the scores."""
         self.record['validation'][str(runner.epoch)] = dict(metrics or {})
+        self.record['records'][str(runner.epoch)] = rows_of(records_of(runner.val_evaluator))
         self._write(runner)
 
     def after_train(self, runner: Runner) -> None:

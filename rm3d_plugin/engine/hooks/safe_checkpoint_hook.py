@@ -1,8 +1,6 @@
 """Checkpoints that load with ``weights_only=True`` and are never half written."""
 
 import json
-import os
-import tempfile
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
 from rm3d_plugin.registry import HOOKS
+from rm3d_plugin.storage.files import remove_unfinished, write_bytes
 
 ATOMIC_BACKEND = 'rm3d_atomic'
 
@@ -26,18 +25,7 @@ class AtomicLocalBackend(LocalBackend):
 
     def put(self, obj: bytes, filepath: str | Path) -> None:
         """Write bytes atomically."""
-        target = Path(filepath)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f'.{target.name}.', suffix='.part')
-        try:
-            with os.fdopen(handle, 'wb') as stream:
-                stream.write(obj)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(name, target)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        write_bytes(filepath, obj)
 
 
 def latest_checkpoint(work_dir: str | Path) -> Path | None:
@@ -68,5 +56,4 @@ class SafeCheckpointHook(Hook):
 
     def before_run(self, runner: Runner) -> None:
         """Remove parts of checkpoints that a killed run left."""
-        for part in Path(runner.work_dir).glob('.*.pth.*.part'):
-            part.unlink(missing_ok=True)
+        remove_unfinished(runner.work_dir, '*.pth')

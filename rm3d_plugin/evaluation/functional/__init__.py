@@ -25,15 +25,14 @@ from rm3d_plugin.evaluation.functional.kitti_ap import (
     KittiTruth,
     kitti_ap,
 )
-from rm3d_plugin.evaluation.functional.pseudo_label_scores import (
-    OffsetError,
+from rm3d_plugin.evaluation.functional.offset_error import OffsetError, instance_centres, offset_error
+from rm3d_plugin.evaluation.functional.pseudo_label_counts import (
+    BoxMatch,
     PseudoLabelCounts,
-    PseudoLabelScores,
+    SceneTruth,
     count_pseudo_labels,
-    instance_centres,
-    offset_error,
-    pseudo_label_scores,
 )
+from rm3d_plugin.evaluation.functional.pseudo_label_scores import PseudoLabelScores, pseudo_label_scores
 from rm3d_plugin.evaluation.functional.semantic_iou import (
     SemanticScores,
     confusion_counts,
@@ -50,6 +49,7 @@ __all__ = [
     'BoundaryCounts',
     'BoundaryScores',
     'BoxAp',
+    'BoxMatch',
     'InstanceAp',
     'InstanceOverlap',
     'InstancePrecisionRecall',
@@ -59,6 +59,7 @@ __all__ = [
     'OffsetError',
     'PseudoLabelCounts',
     'PseudoLabelScores',
+    'SceneTruth',
     'SemanticScores',
     'boundary_counts',
     'boundary_scores',

@@ -94,7 +94,7 @@ def boundary_counts(
     Args:
         xyz: (N, 3) metres.
         classes: True class 0..C-1 of each point; -1 and 255 are ignored: edges that touch them count nowhere.
-        regions: Region of each point; -1 = discarded, which is never the right class.
+        regions: Region of each point; -1 = discarded, which is never the correct class.
         num_classes: C.
         objects: True object of each point where known; otherwise classes have the boundaries.
         neighbors: Nearest points that each point is joined to.

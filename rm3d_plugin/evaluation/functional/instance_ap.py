@@ -47,7 +47,7 @@ class InstanceAp:
     mean_ap25: float
 
 
-class Judged(NamedTuple):
+class Matches(NamedTuple):
     """Found instances that count, and how many true ones there are.
 
     Attributes:
@@ -61,7 +61,7 @@ class Judged(NamedTuple):
     truths: int
 
 
-def judge(scene: InstanceOverlap, label: int, overlap: float, min_points: int) -> Judged:
+def match_instances(scene: InstanceOverlap, label: int, overlap: float, min_points: int) -> Matches:
     """Hits and false alarms of one class in one scene.
 
     Left out of the count are: instances under ``min_points`` points; what overlaps a true instance that small by more
@@ -85,7 +85,7 @@ def judge(scene: InstanceOverlap, label: int, overlap: float, min_points: int) -
         else:
             ignored = scene.void[found[row]] + shared[row][~big].sum()
             counts[row] = ignored / scene.sizes[found[row]] <= overlap
-    return Judged(scene.scores[found][counts], is_hit[counts], int(big.sum()))
+    return Matches(scene.scores[found][counts], is_hit[counts], int(big.sum()))
 
 
 def trapezoid_ap(scores: Float[np.ndarray, ' found'], is_hit: Bool[np.ndarray, ' found'], truths: int) -> float:
@@ -124,11 +124,11 @@ def instance_ap(
     table = np.full((len(asked), len(classes)), np.nan)
     for column, label in enumerate(classes):
         for row, overlap in enumerate(asked):
-            judged = [judge(scene, label, overlap, min_points) for scene in scenes]
-            truths = sum(j.truths for j in judged)
+            matches = [match_instances(scene, label, overlap, min_points) for scene in scenes]
+            truths = sum(m.truths for m in matches)
             if truths:
-                scores = np.concatenate([j.scores for j in judged])
-                table[row, column] = trapezoid_ap(scores, np.concatenate([j.is_hit for j in judged]), truths)
+                scores = np.concatenate([m.scores for m in matches])
+                table[row, column] = trapezoid_ap(scores, np.concatenate([m.is_hit for m in matches]), truths)
     ap = table[: len(overlaps)].mean(axis=0)
     ap50, ap25 = table[asked.index(0.5)], table[asked.index(0.25)]
     return InstanceAp(

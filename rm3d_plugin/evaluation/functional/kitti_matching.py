@@ -87,7 +87,7 @@ class PackedFrames:
     found_height: Float[np.ndarray, ' found']
     truncation: Float[np.ndarray, ' truths']
     occlusion: Int[np.ndarray, ' truths']
-    overlaps: dict[str, Float[np.ndarray, ' pairs']]
+    overlaps: dict[str, Float[np.ndarray, ' _pairs']]
     task_base: Task
 
     def task(self, name: str, level: int, metric: str) -> Task:

@@ -30,7 +30,7 @@ class SemanticScores:
         points: (C,) int64 true points of each class.
         mean_iou: Over the classes that have an IoU; 0 where none has.
         mean_accuracy: Mean of ``recall`` over the classes with truth; 0 where none has.
-        accuracy: Share of right points; 0 where there is no point.
+        accuracy: Share of correct points; 0 where there is no point.
         confusion: (C, C + 1) int64, rows are true and columns predicted classes, the last column is "no class".
     """
 
@@ -113,7 +113,7 @@ def semantic_scores(
     if absent == 'skip':
         iou = np.where(counted, iou, np.nan)
     recall = _share(hit, points)
-    judged = confusion.sum() if accuracy_over == 'known' else classes.sum()
+    counted_points = confusion.sum() if accuracy_over == 'known' else classes.sum()
     return SemanticScores(
         iou=iou,
         recall=recall,
@@ -121,14 +121,14 @@ def semantic_scores(
         points=points,
         mean_iou=mean_of_known(iou),
         mean_accuracy=mean_of_known(recall),
-        accuracy=float(hit.sum() / judged) if judged else 0.0,
+        accuracy=float(hit.sum() / counted_points) if counted_points else 0.0,
         confusion=confusion,
     )
 
 
 def semantic_iou(
-    predictions: Iterable[Int[np.ndarray, ' points']],
-    truths: Iterable[Int[np.ndarray, ' points']],
+    predictions: Iterable[Int[np.ndarray, ' _points']],
+    truths: Iterable[Int[np.ndarray, ' _points']],
     num_classes: int,
     ignored: Sequence[int] = IGNORED,
     absent: Absent = 'skip',

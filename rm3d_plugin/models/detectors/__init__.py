@@ -1,5 +1,5 @@
 """Detectors."""
 
-from rm3d_plugin.models.detectors.rm3d_votenet import NetworkOutput, RM3DVoteNet
+from rm3d_plugin.models.detectors.rm3d_votenet import RM3DVoteNet, detection_losses
 
-__all__ = ['NetworkOutput', 'RM3DVoteNet']
+__all__ = ['RM3DVoteNet', 'detection_losses']

@@ -7,7 +7,27 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from rm3d_plugin.models.heads.box_coder import BoxCode
 from rm3d_plugin.structures import SceneError, SceneSample
+
+
+class ProposalTargets(NamedTuple):
+    """Targets of the proposals.
+
+    Attributes:
+        is_object: (P,) 1 near a (pseudo) box, 0 otherwise.
+        weights: (P,) in [0, 1], how far ``is_object`` is known: 1 for a positive; 0 between near and far; the known
+            share of the grouped points for one far from every box.
+        positives: (K,) rows of the proposals near a box.
+        boxes: (K,) the box of each positive.
+        code: Regression targets of the positives.
+    """
+
+    is_object: Int[Tensor, ' proposals']
+    weights: Float[Tensor, ' proposals']
+    positives: Int[Tensor, ' positives']
+    boxes: Int[Tensor, ' positives']
+    code: BoxCode
 
 
 class BatchLabels(NamedTuple):
@@ -16,18 +36,20 @@ class BatchLabels(NamedTuple):
     Attributes:
         boxes: (M, 7) boxes of all scenes.
         classes: (M,) their classes.
-        is_annotated: (M,) True for an annotated box, False for a pseudo box.
+        box_is_annotated: (M,) True for an annotated box, False for a pseudo box.
         box_offsets: (B + 1,) rows of the scenes among the boxes.
         semantic: (N,) class of each point; the number of box classes = background, -1 = unknown.
         instance: (N,) row of ``boxes`` that holds the point, -1 = none or unknown.
+        targets: What the proposals of the network should say, once it made them.
     """
 
     boxes: Float[Tensor, 'boxes 7']
     classes: Int[Tensor, ' boxes']
-    is_annotated: Bool[Tensor, ' boxes']
+    box_is_annotated: Bool[Tensor, ' boxes']
     box_offsets: Int[Tensor, ' scenes_and_one']
     semantic: Int[Tensor, ' points']
     instance: Int[Tensor, ' points']
+    targets: ProposalTargets | None = None
 
 
 def _field(sample: SceneSample, name: str, rows: int, fill: int, like: Tensor) -> Tensor:
@@ -66,6 +88,6 @@ def join_labels(samples: Sequence[Any], batch_offsets: Int[Tensor, ' scenes_and_
         instance = torch.where(instance >= 0, instance + first, -1)
         parts.append((boxes, classes, _field(sample, 'gt_is_true', len(boxes), 1, flag), semantic, instance))
         first += len(boxes)
-    boxes, classes, is_annotated, semantic, instance = (torch.cat(column) for column in zip(*parts, strict=True))
+    boxes, classes, box_is_annotated, semantic, instance = (torch.cat(column) for column in zip(*parts, strict=True))
     counts = torch.tensor([0] + [len(part[0]) for part in parts], device=device)
-    return BatchLabels(boxes, classes, is_annotated, counts.cumsum(0), semantic, instance)
+    return BatchLabels(boxes, classes, box_is_annotated, counts.cumsum(0), semantic, instance)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import torch
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from rm3d_plugin.structures import SceneError
@@ -18,12 +18,14 @@ class PointLabels(NamedTuple):
         instance: (N,) instance of each point, numbered through the batch; -1 = none or unknown.
         instance_scene: (I,) scene of each instance, ascending.
         is_annotated: (N,) True where the budget annotated the class.
+        class_counts: (C,) annotated labels of each class in the whole training set; None where nobody told.
     """
 
     semantic: Int[Tensor, ' points']
     instance: Int[Tensor, ' points']
     instance_scene: Int[Tensor, ' instances']
     is_annotated: Bool[Tensor, ' points']
+    class_counts: Float[Tensor, ' classes'] | None = None
 
 
 def _mask(sample: Any, name: str, rows: int, fill: int, device: torch.device) -> Tensor:

@@ -87,7 +87,7 @@ def find_instances(
     return Instances(dense, labels[kept], scores[kept])
 
 
-def _clusters(points: np.ndarray, groups: np.ndarray, rules: ProposalRules) -> list[Int[np.ndarray, ' members']]:
+def _clusters(points: np.ndarray, groups: np.ndarray, rules: ProposalRules) -> list[Int[np.ndarray, ' _members']]:
     masks = cluster_masks(ball_clusters(points, rules.radius, groups, rules.cluster_points))
     return np.split(masks.indices, masks.offsets[1:-1]) if len(masks.sizes) else []
 

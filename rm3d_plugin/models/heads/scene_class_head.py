@@ -54,7 +54,7 @@ class SceneClassHead(nn.Module):
         """Presence logits and presence of the scenes that have a truly labelled object with points."""
         owner = labels.instance
         if len(labels.boxes):
-            owner = torch.where((owner >= 0) & labels.is_annotated[owner.clamp_min(0)], owner, -1)
+            owner = torch.where((owner >= 0) & labels.box_is_annotated[owner.clamp_min(0)], owner, -1)
         objects, present = max_by_owner(point_logits, owner, len(labels.boxes))
         scene = batch_index(labels.box_offsets)[present]
         scenes = len(labels.box_offsets) - 1

@@ -7,18 +7,11 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from rm3d_plugin.models.heads.batch_labels import BatchLabels
+from rm3d_plugin.models.heads.batch_labels import BatchLabels, ProposalTargets
 from rm3d_plugin.models.heads.box_coder import BoxPrediction, prediction_width, split_prediction
 from rm3d_plugin.models.heads.group_shape import SHAPE_CHANNELS, group_shape, membership
 from rm3d_plugin.models.heads.seeds import choose_seeds
-from rm3d_plugin.models.heads.vote_losses import proposal_losses, vote_loss
-from rm3d_plugin.models.heads.vote_targets import (
-    ProposalTargets,
-    box_distances,
-    known_share,
-    proposal_targets,
-    vote_targets,
-)
+from rm3d_plugin.models.heads.vote_targets import box_distances, known_share, proposal_targets
 from rm3d_plugin.ops.grouping import ball_query, gather_groups, group_max
 from rm3d_plugin.ops.sampling import furthest_point_sample_batch
 from rm3d_plugin.registry import MODELS
@@ -35,6 +28,7 @@ class VoteOutput(NamedTuple):
         anchor_offsets: (B + 1,) rows of the scenes among the proposals.
         members: (P, K) point rows of the seeds grouped, -1 = none.
         prediction: The boxes.
+        mean_sizes: (C, 3) the size templates that ``prediction`` is relative to, metres.
     """
 
     offsets: Float[Tensor, 'points 3']
@@ -42,6 +36,7 @@ class VoteOutput(NamedTuple):
     anchor_offsets: Int[Tensor, ' scenes_and_one']
     members: Int[Tensor, 'proposals members']
     prediction: BoxPrediction
+    mean_sizes: Float[Tensor, 'classes 3']
 
 
 def _mlp(widths: Sequence[int]) -> nn.Sequential:
@@ -86,10 +81,8 @@ class VoteHead(nn.Module):
         far: Metres (one, or one a class) beyond which it is none.
         seed_threshold: Predicted foreground probability from which a point is preferred as seed. Larger: fewer
             doubtful points.
-        vote_balance: See :func:`vote_targets`.
         unlabelled_weight: See :func:`known_share`.
         mean_shifts: Steps that move a proposal to the mean of the votes around it; 0 = VoteNet's proposals.
-        loss_weight: Factor of VoteNet's loss (10 in METHOD 7).
     """
 
     mean_sizes: Tensor
@@ -110,17 +103,14 @@ class VoteHead(nn.Module):
         near: float | Sequence[float] = 0.3,
         far: float | Sequence[float] = 0.6,
         seed_threshold: float = 0.2,
-        vote_balance: float = 0.5,
         unlabelled_weight: float = 0.0,
         mean_shifts: int = 1,
-        loss_weight: float = 10.0,
     ) -> None:
         super().__init__()
         self.num_classes, self.heading_bins = num_classes, heading_bins
         self.num_seeds, self.num_proposals = num_seeds, num_proposals
         self.radius, self.samples = radius, samples
-        self.seed_threshold, self.vote_balance = seed_threshold, vote_balance
-        self.unlabelled_weight, self.loss_weight = unlabelled_weight, loss_weight
+        self.seed_threshold, self.unlabelled_weight = seed_threshold, unlabelled_weight
         self.mean_shifts = mean_shifts
         self.register_buffer('mean_sizes', torch.ones(num_classes, 3))
         self.register_buffer('near', _by_class(near, num_classes, 'near'), persistent=False)
@@ -172,7 +162,7 @@ class VoteHead(nn.Module):
         groups = ball_query(votes, anchors, self.radius, self.samples, seed_offsets, anchor_offsets)
         prediction = self._boxes(groups, anchors, votes, xyz[seeds], vote_features, foreground[seeds])
         members = torch.where(groups >= 0, seeds[groups.clamp_min(0)], -1) if len(seeds) else groups
-        return VoteOutput(offsets, anchors, anchor_offsets, members, prediction)
+        return VoteOutput(offsets, anchors, anchor_offsets, members, prediction, self.mean_sizes)
 
     def _shift(
         self, anchors: Tensor, votes: Tensor, foreground: Tensor, anchor_offsets: Tensor, vote_offsets: Tensor
@@ -206,12 +196,3 @@ class VoteHead(nn.Module):
         known = known_share(output.members, labels, self.num_classes, self.unlabelled_weight)
         distances = box_distances(output.anchors, output.anchor_offsets, labels)
         return proposal_targets(distances, known, labels, self.near, self.far, self.mean_sizes, self.heading_bins)
-
-    def loss(
-        self, output: VoteOutput, xyz: Float[Tensor, 'points 3'], labels: BatchLabels, targets: ProposalTargets
-    ) -> dict[str, Float[Tensor, '']]:
-        """10 (vote + .5 objectness + centre + .1 heading bin + heading + .1 size class + size + .1 class), by name."""
-        votes = vote_targets(xyz, labels, self.vote_balance)
-        parts = {'vote': vote_loss(output.offsets, votes)}
-        parts.update(proposal_losses(output.prediction, output.anchor_offsets, targets, labels))
-        return {f'loss_{name}': self.loss_weight * value for name, value in parts.items()}

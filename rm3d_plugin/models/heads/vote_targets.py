@@ -6,8 +6,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from rm3d_plugin.models.heads.batch_labels import BatchLabels
-from rm3d_plugin.models.heads.box_coder import BoxCode, encode_boxes
+from rm3d_plugin.models.heads.batch_labels import BatchLabels, ProposalTargets
+from rm3d_plugin.models.heads.box_coder import encode_boxes
 from rm3d_plugin.ops.grouping import batch_index
 
 
@@ -23,25 +23,6 @@ class VoteTargets(NamedTuple):
     points: Int[Tensor, ' points']
     offsets: Float[Tensor, 'points 3']
     weights: Float[Tensor, ' points']
-
-
-class ProposalTargets(NamedTuple):
-    """Targets of the proposals.
-
-    Attributes:
-        is_object: (P,) 1 near a (pseudo) box, 0 otherwise.
-        weights: (P,) in [0, 1], how far ``is_object`` is known: 1 for a positive; 0 between near and far; the known
-            share of the grouped points for one far from every box.
-        positives: (K,) rows of the proposals near a box.
-        boxes: (K,) the box of each positive.
-        code: Regression targets of the positives.
-    """
-
-    is_object: Int[Tensor, ' proposals']
-    weights: Float[Tensor, ' proposals']
-    positives: Int[Tensor, ' positives']
-    boxes: Int[Tensor, ' positives']
-    code: BoxCode
 
 
 def vote_targets(xyz: Float[Tensor, 'points 3'], labels: BatchLabels, balance: float = 0.5) -> VoteTargets:

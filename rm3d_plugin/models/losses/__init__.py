@@ -1,19 +1,39 @@
-"""Losses: a plain function each, and a thin registered class that holds its weight."""
+"""Losses: a plain function each, a thin registered class with its weight, and the entries of a model's list.
+
+``JSAugLoss``, ``MSEAugLoss``, ``DiceLoss``, ``OffsetLoss``, ``PointCrossEntropyLoss`` and ``SceneClassLoss`` compare
+tensors and know no model. A :class:`LossTerm` says what of a batch they compare.
+"""
 
 from rm3d_plugin.models.losses.aug_loss import JSAugLoss, MSEAugLoss, js_aug_loss, js_divergence, mse_aug_loss
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
+from rm3d_plugin.models.losses.instance_dice import InstanceDice
+from rm3d_plugin.models.losses.instance_offsets import InstanceOffsets
+from rm3d_plugin.models.losses.loss_term import LossTerm
 from rm3d_plugin.models.losses.offset_loss import OffsetLoss, offset_loss
-from rm3d_plugin.models.losses.point_cross_entropy import PointCrossEntropyLoss, class_balance, point_cross_entropy
+from rm3d_plugin.models.losses.point_cross_entropy import PointCrossEntropyLoss, class_weights, point_cross_entropy
+from rm3d_plugin.models.losses.proposal_dice import ProposalDice
 from rm3d_plugin.models.losses.scene_class_loss import SceneClassLoss, scene_class_loss
+from rm3d_plugin.models.losses.scene_classes import SceneClasses
+from rm3d_plugin.models.losses.view_consistency import ViewConsistency
+from rm3d_plugin.models.losses.votenet_loss import VoteNetLoss
+from rm3d_plugin.models.losses.weak_supervision import WeakSupervision
 
 __all__ = [
     'DiceLoss',
+    'InstanceDice',
+    'InstanceOffsets',
     'JSAugLoss',
+    'LossTerm',
     'MSEAugLoss',
     'OffsetLoss',
     'PointCrossEntropyLoss',
+    'ProposalDice',
     'SceneClassLoss',
-    'class_balance',
+    'SceneClasses',
+    'ViewConsistency',
+    'VoteNetLoss',
+    'WeakSupervision',
+    'class_weights',
     'dice_loss',
     'js_aug_loss',
     'js_divergence',

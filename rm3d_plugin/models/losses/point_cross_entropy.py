@@ -1,25 +1,26 @@
-"""L_WSL: cross-entropy over the points that have a (pseudo) label (METHOD 7)."""
+"""Cross-entropy over the points that have a (pseudo) label, and the weights of rare classes."""
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Num
 from torch import Tensor, nn
 
 from rm3d_plugin.registry import MODELS
 
 
-def class_balance(labels: Int[Tensor, ' points'], num_classes: int, power: float) -> Float[Tensor, ' classes']:
-    """Class weights count^-power, scaled so that the mean over the labelled points is 1; 1 for an absent class.
+def class_weights(counts: Num[Tensor, ' classes'], power: float) -> Float[Tensor, ' classes']:
+    """Class weights count^-power, scaled so that their mean over the counted labels is 1; 1 for a class without any.
 
     Args:
-        labels: Class numbers, -1 ignored.
-        num_classes: Length of the answer.
-        power: 0 leaves classes as they come, 1 gives every present class the same total.
+        counts: Labels of each class.
+        power: 0 weighs labels alike, 0.5 is the inverse square root, 1 gives every class the same total.
+
+    >>> class_weights(torch.tensor([1.0, 4.0, 0.0]), 0.5).tolist()
+    [1.6666666269302368, 0.8333333134651184, 1.0]
     """
-    counts = torch.bincount(labels[labels >= 0], minlength=num_classes).double()
+    counts = counts.double()
     weights = torch.where(counts > 0, counts.clamp_min(1.0).pow(-power), 0.0)
-    total = (weights * counts).sum()
-    scaled = weights * (counts.sum() / total.clamp_min(1e-12))
+    scaled = weights * (counts.sum() / (weights * counts).sum().clamp_min(1e-12))
     return torch.where(counts > 0, scaled, 1.0).float()
 
 
@@ -57,14 +58,12 @@ class PointCrossEntropyLoss(nn.Module):
 
     Args:
         loss_weight: Factor of the loss.
-        balance: Power of :func:`class_balance` over the batch; 0 = none.
         unlabelled_weight: Weight of a point without a label as background; 0 ignores it.
     """
 
-    def __init__(self, loss_weight: float = 1.0, balance: float = 0.0, unlabelled_weight: float = 0.0) -> None:
+    def __init__(self, loss_weight: float = 1.0, unlabelled_weight: float = 0.0) -> None:
         super().__init__()
         self.loss_weight = loss_weight
-        self.balance = balance
         self.unlabelled_weight = unlabelled_weight
 
     def forward(
@@ -74,9 +73,7 @@ class PointCrossEntropyLoss(nn.Module):
         class_weights: Float[Tensor, ' classes'] | None = None,
         point_weights: Float[Tensor, ' points'] | None = None,
     ) -> Float[Tensor, '']:
-        """Loss over the points of a batch; weights that are given replace those of ``balance``."""
-        if class_weights is None and self.balance:
-            class_weights = class_balance(labels, logits.shape[1], self.balance)
+        """Loss over the points of a batch; weights as in :func:`point_cross_entropy`."""
         return self.loss_weight * point_cross_entropy(
             logits, labels, class_weights, self.unlabelled_weight, point_weights
         )

@@ -24,7 +24,8 @@ class SceneInference:
         max_points: Scenes with more points are predicted in chunks of at most so many; None: whole, whatever it takes.
         chunk_size: Metres; edge of the chunks seen from above. None: as large as ``max_points`` allows.
         margin: Metres that chunks reach into each other; larger: fewer seams, more work.
-        votes: Directions about z from which the scene is read, evenly spaced; probabilities and offsets are averaged.
+        tta_rotations: Directions about z from which the scene is read, evenly spaced; probabilities and offsets are
+            averaged.
         flip: 'both': from each direction mirrored, too, which doubles the work.
         first_angle: Degrees by which the first direction is turned. Walls along the axes fill whole layers of voxels,
             which a network that is trained on turned rooms hardly ever saw; it reads a turned room better.
@@ -39,7 +40,7 @@ class SceneInference:
     max_points: int | None = None
     chunk_size: float | None = None
     margin: float = 1.0
-    votes: int = 1
+    tta_rotations: int = 1
     flip: Flip = 'none'
     first_angle: float = 0.0
     stitch_iou: float = 0.5
@@ -49,12 +50,12 @@ class SceneInference:
     def __post_init__(self) -> None:
         if self.flip not in get_args(Flip):
             raise ValueError(f'inference.flip: expected one of {get_args(Flip)}, got {self.flip!r}')
-        for name in ('max_points', 'votes'):
+        for name in ('max_points', 'tta_rotations'):
             value = getattr(self, name)
             if value is not None and not (isinstance(value, int) and value >= 1):
                 raise ValueError(f'inference.{name}: expected a whole number from 1, got {value!r}')
-        if self.votes is None:
-            raise ValueError('inference.votes: expected a whole number from 1, got None')
+        if self.tta_rotations is None:
+            raise ValueError('inference.tta_rotations: expected a whole number from 1, got None')
         if not -np.inf < self.first_angle < np.inf:
             raise ValueError(f'inference.first_angle: expected degrees, got {self.first_angle!r}')
         if self.chunk_size is not None and not 0 < self.chunk_size < np.inf:
@@ -71,7 +72,7 @@ class SceneInference:
     @property
     def views(self) -> Float[np.ndarray, 'views 3 3']:
         """See :func:`view_matrices`."""
-        return view_matrices(self.votes, self.flip, self.first_angle)
+        return view_matrices(self.tta_rotations, self.flip, self.first_angle)
 
     @property
     def one_view(self) -> Float[np.ndarray, '1 3 3']:
@@ -88,15 +89,15 @@ class SceneInference:
         return num_points == 0 or (whole and np.array_equal(self.views, np.eye(3)[None]))
 
 
-def view_matrices(votes: int, flip: Flip = 'none', first_angle: float = 0.0) -> Float[np.ndarray, 'views 3 3']:
-    """Rotations about z by 360 / ``votes`` degrees each, the first by ``first_angle``; with 'both' each mirrored, too.
+def view_matrices(rotations: int, flip: Flip = 'none', first_angle: float = 0.0) -> Float[np.ndarray, 'views 3 3']:
+    """Rotations by 360 / ``rotations`` degrees about z, the first by ``first_angle``; 'both': each mirrored, too.
 
     >>> view_matrices(4)[1].tolist()
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     """
-    angle = 2 * np.pi * np.arange(votes) / votes + np.radians(first_angle)
+    angle = 2 * np.pi * np.arange(rotations) / rotations + np.radians(first_angle)
     cos, sin = (np.where(np.abs(v - np.round(v)) < 1e-12, np.round(v), v) for v in (np.cos(angle), np.sin(angle)))
-    turned = np.zeros((votes, 3, 3))
+    turned = np.zeros((rotations, 3, 3))
     turned[:, 0, 0] = turned[:, 1, 1] = cos
     turned[:, 0, 1], turned[:, 1, 0], turned[:, 2, 2] = -sin, sin, 1.0
     turned += 0.0  # no negative zeros

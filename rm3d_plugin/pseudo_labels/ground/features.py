@@ -84,7 +84,7 @@ class _Grid:
     def __init__(self, xy: Float[np.ndarray, 'ground 2']) -> None:
         self.low = xy.min(axis=0) - 1.0
         self.shape = tuple(((xy.max(axis=0) + 1.0 - self.low) / CELL).astype(int) + 1)
-        self.rows: tuple[Int[np.ndarray, ' ground'], ...] = tuple(((xy - self.low) / CELL).astype(int).T)
+        self.rows: tuple[Int[np.ndarray, ' _ground'], ...] = tuple(((xy - self.low) / CELL).astype(int).T)
 
     def sums(self, values: Float[np.ndarray, ' ground']) -> Float[np.ndarray, 'x y']:
         cells = np.ravel_multi_index(self.rows, self.shape)

@@ -158,7 +158,7 @@ class RegionCollector:
     def __init__(self, heading: bool, min_upright: float | None) -> None:
         self._heading, self._min_upright = heading, min_upright
         self._examples: list[RegionRows] = []
-        self._classes: list[Int[np.ndarray, ' examples']] = []
+        self._classes: list[Int[np.ndarray, ' _examples']] = []
         self._scenes: list[_Scanned] = []
         self._seen, self._step = 0, 1
 

@@ -1,14 +1,15 @@
 import copy
 
+import numpy as np
 import pytest
 import torch
 from mmengine.dataset import pseudo_collate
 
-from rm3d_plugin.models.common_points import common_rows
+from rm3d_plugin.models.consistency import common_rows
 from rm3d_plugin.models.detectors.point_features import point_features
 from rm3d_plugin.ops.boxes import rotated_iou_bev
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import SceneSample
+from rm3d_plugin.structures import LabelStatistics, SceneSample
 
 
 def build(config):
@@ -76,10 +77,11 @@ def test_loss_names_and_switches(world):
         f'loss_{n}'
         for n in 'vote objectness center heading_bin heading size_class size class wsl aug dice scene_class'.split()
     }
-    off = build(world.config(point_loss=None, aug_loss=None, dice_loss=None, scene_class_head=None))
+    off = build(world.config(losses=[dict(type='VoteNetLoss'), None]))
     assert names - set(losses_of(off, items)) == {'loss_wsl', 'loss_aug', 'loss_dice', 'loss_scene_class'}
-    mse = build(world.config(aug_loss=dict(type='MSEAugLoss', loss_weight=0.0)))
-    assert float(losses_of(mse, items)['loss_aug'].detach()) == 0.0
+    mse = dict(type='ViewConsistency', loss=dict(type='MSEAugLoss', loss_weight=0.0))
+    alone = losses_of(build(world.config(losses=[mse])), items)
+    assert list(alone) == ['loss_aug'] and alone['loss_aug'].item() == 0.0
 
 
 def test_axis_aligned(world):
@@ -100,7 +102,7 @@ def nothing_known(item):
 
 
 def test_nothing_known_is_worth_nothing(world):
-    model = build(world.config(aug_loss=None))
+    model = build(world.config())
     loss, _ = model.parse_losses(losses_of(model, [nothing_known(world.make_scene(0))]))
     loss.backward()
     assert float(loss.detach()) == 0.0
@@ -108,7 +110,7 @@ def test_nothing_known_is_worth_nothing(world):
 
 
 def test_unknown_points_count_as_background_with_their_weight_only(world):
-    model = build(world.config(aug_loss=None, head=dict(unlabelled_weight=0.1)))
+    model = build(world.config(head=dict(unlabelled_weight=0.1)))
     losses = losses_of(model, [nothing_known(world.make_scene(0))])
     assert float(losses['loss_objectness'].detach()) > 0.0
     assert float(losses['loss_center'].detach()) == 0.0
@@ -126,7 +128,8 @@ def test_tiny_scenes(world, points):
 
 
 def test_predicts_points_on_request_and_without_samples(world):
-    model = build(world.config(predict_points=True)).eval()
+    model = build(world.config()).eval()
+    model.predict_points = True
     items = [world.make_scene(0), world.make_scene(1, classes=(0,), floor=10)]
     inputs = model.data_preprocessor({'inputs': {'points': [i['inputs']['points'] for i in items]}})['inputs']
     samples = model(inputs, mode='predict')
@@ -161,12 +164,13 @@ def test_training_draws_no_global_randomness_and_repeats_bit_for_bit(world):
 
 def test_size_templates_are_kept_in_the_checkpoint(world):
     model = build(world.config())
-    model.set_mean_sizes(torch.tensor([[5.0, 2.0, 1.0]] * 3))
+    model.set_label_statistics(LabelStatistics(np.array([1, 2, 3]), np.array([[5.0, 2.0, 1.0]] * 3)))
+    model.set_label_statistics(LabelStatistics(np.array([1, 2, 3])))  # sizes unknown: those of before stay
     other = build(world.config())
     other.load_state_dict(model.state_dict())
     assert other.vote_head.mean_sizes.tolist() == [[5.0, 2.0, 1.0]] * 3
     with pytest.raises(ValueError, match='positive'):
-        model.set_mean_sizes(torch.zeros(3, 3))
+        model.vote_head.set_mean_sizes(torch.zeros(3, 3))
     with pytest.raises(ValueError, match='VoteHead.near'):
         build(world.config(head=dict(near=[0.3, 0.6])))
 
@@ -203,7 +207,7 @@ def test_half_precision(world):
 
 
 def test_with_the_sparse_unet(world):
-    backbone = dict(type='SparseUNet', in_channels=4, voxel_size=0.3, widths=[8, 16], blocks=1)
+    backbone = dict(type='SparseUNet', voxel_size=0.3, widths=[8, 16], blocks=1)
     model = build(world.config(backbone=backbone))
     losses = losses_of(model, [world.make_scene(0, view=True), world.make_scene(1, view=True)])
     loss, _ = model.parse_losses(losses)

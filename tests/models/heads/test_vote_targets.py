@@ -2,8 +2,8 @@ import pytest
 import torch
 
 from rm3d_plugin.models.heads.batch_labels import BatchLabels, join_labels
-from rm3d_plugin.models.heads.vote_losses import objectness_loss
 from rm3d_plugin.models.heads.vote_targets import box_distances, known_share, proposal_targets, vote_targets
+from rm3d_plugin.models.losses.votenet_loss import objectness_loss
 from rm3d_plugin.structures import SceneError, SceneSample
 
 
@@ -91,7 +91,7 @@ def test_join_labels_shifts_instances_and_fills_what_is_absent():
     got = join_labels([first, second, SceneSample()], torch.tensor([0, 1, 3, 4]))
     assert got.instance.tolist() == [-1, 2, -1, -1]
     assert got.semantic.tolist() == [-1, 1, -1, -1]
-    assert got.is_annotated.tolist() == [True, True, False]
+    assert got.box_is_annotated.tolist() == [True, True, False]
     assert got.box_offsets.tolist() == [0, 2, 3, 3]
 
 

@@ -8,7 +8,7 @@ from mmengine.registry import MODELS as ROOT
 from scipy.special import rel_entr
 
 from rm3d_plugin.models.losses import (
-    class_balance,
+    class_weights,
     dice_loss,
     js_aug_loss,
     js_divergence,
@@ -103,11 +103,12 @@ def test_point_cross_entropy_without_labels_is_zero_with_gradient():
     assert logits.grad.abs().sum() == 0.0
 
 
-def test_class_balance():
-    labels = torch.tensor([0, 0, 0, 0, 1, -1])
-    assert class_balance(labels, 3, 1.0).tolist() == pytest.approx([5 / 8, 5 / 2, 1.0])
-    assert class_balance(labels, 3, 0.0).tolist() == [1.0, 1.0, 1.0]
-    assert class_balance(torch.tensor([-1]), 2, 1.0).tolist() == [1.0, 1.0]
+def test_class_weights_by_hand():
+    assert class_weights(torch.tensor([4, 1, 0]), 1.0).tolist() == pytest.approx([5 / 8, 5 / 2, 1.0])
+    assert class_weights(torch.tensor([4, 1, 0]), 0.0).tolist() == [1.0, 1.0, 1.0]
+    assert class_weights(torch.tensor([0, 0]), 1.0).tolist() == [1.0, 1.0]
+    # 1 / sqrt(1), 1 / sqrt(4); mean over the five labels (1 * 1 + 4 * .5) / 5 = .6
+    assert class_weights(torch.tensor([1.0, 4.0, 0.0]), 0.5).tolist() == pytest.approx([1 / 0.6, 0.5 / 0.6, 1.0])
 
 
 @pytest.mark.parametrize('name', ['JSAugLoss', 'MSEAugLoss', 'DiceLoss', 'SceneClassLoss', 'OffsetLoss'])

@@ -37,7 +37,8 @@ def make_room(seed, boxes=4, points=250, floor=700, view=False):
     inputs = {'points': cloud}
     if view:
         rows = torch.from_numpy(np.sort(rng.permutation(len(cloud))[: len(cloud) // 2]))
-        inputs.update(aug_points=cloud[rows] * torch.tensor([1.0, -1.0, 1.0, 1.0, 1.0, 1.0]), aug_index=rows)
+        mirror = torch.tensor([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
+        inputs['views'] = [{'points': cloud[rows] * mirror, 'point_ids': rows}]
     return {'inputs': inputs, 'data_samples': sample}
 
 

@@ -1,17 +1,21 @@
+import numpy as np
 import pytest
 import torch
 from coloured_boxes import CLASSES, make_room, segmentor_config
 from mmengine.dataset import pseudo_collate
 
-from rm3d_plugin.models.heads.point_labels import PointLabels
-from rm3d_plugin.models.segmentors.instance_dice import soft_instance_masks
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import SceneError, SceneSample
+from rm3d_plugin.structures import LabelStatistics, SceneError, SceneSample
 
 
 def build(**changes):
     torch.manual_seed(0)
     return MODELS.build(segmentor_config(**changes))
+
+
+def l_ins(**classes):
+    kinds = ('ViewConsistency', 'InstanceOffsets', 'InstanceDice')
+    return [dict(type='WeakSupervision', **classes), *(dict(type=kind) for kind in kinds)]
 
 
 def losses_of(model, items):
@@ -51,7 +55,7 @@ def matched_at(sample, iou):
 
 
 def test_learns_a_tiny_world_and_its_instances():
-    model = build(dice_loss=dict(type='DiceLoss'))
+    model = build()
     train(model, [make_room(seed, view=True) for seed in range(3)], 50)
     batch = pseudo_collate([make_room(seed) for seed in (100, 101)])  # rooms it has not seen
     for sample in model.eval()(**model.data_preprocessor(batch), mode='predict'):
@@ -71,18 +75,18 @@ def test_learns_a_tiny_world_and_its_instances():
 
 
 def test_losses_have_names_and_every_parameter_learns():
-    model = build(dice_loss=dict(type='DiceLoss'))
+    model = build()
     losses, grads = gradients(model, [make_room(0, view=True), make_room(1, view=True)])
     assert sorted(losses) == ['loss_aug', 'loss_dice', 'loss_offset', 'loss_wsl']
     assert [name for name, grad in grads.items() if grad is None or not grad.abs().sum() > 0] == []
-    plain = build(instance_head=None, aug_loss=None)
+    plain = build(instance_head=None, losses=[dict(type='WeakSupervision'), None])
     assert sorted(losses_of(plain, [make_room(0, view=True)])) == ['loss_wsl']
     assert sorted(losses_of(build(instance_head=None), [make_room(0)])) == ['loss_wsl']  # no second view, no loss_aug
 
 
 @pytest.mark.parametrize('balance', ['none', 'batch', 'frequency'])
 def test_a_batch_without_labels_is_a_zero_loss_with_gradients(balance):
-    model = build(semantic_head=dict(balance=balance), dice_loss=dict(type='DiceLoss'))
+    model = build(losses=l_ins(balance=balance))
     item = make_room(0)
     item['data_samples'].pts_semantic_mask[:] = -1
     item['data_samples'].pts_instance_mask[:] = -1
@@ -106,7 +110,7 @@ def test_what_is_hidden_changes_nothing():
         sample.pts_semantic_mask[~kept], sample.pts_instance_mask[~kept] = -1, -1
         return made
 
-    model = build(dice_loss=dict(type='DiceLoss'))
+    model = build()
     state = {name: value.clone() for name, value in model.state_dict().items()}
     clean = gradients(model, [item(noise=False)])
     model.load_state_dict(state)
@@ -131,8 +135,8 @@ def test_a_scene_of_one_voxel_with_a_view_of_two_has_gradients():
     item = make_room(0)
     item['inputs']['points'] = item['inputs']['points'][:2].clone()
     item['inputs']['points'][:, :3] = 0.05
-    item['inputs']['aug_points'] = item['inputs']['points'] + torch.tensor([[0.0] * 6, [5.0] * 3 + [0.0] * 3])
-    item['inputs']['aug_index'] = torch.arange(2)
+    apart = item['inputs']['points'] + torch.tensor([[0.0] * 6, [5.0] * 3 + [0.0] * 3])
+    item['inputs']['views'] = [{'points': apart, 'point_ids': torch.arange(2)}]
     for name in ('pts_semantic_mask', 'pts_instance_mask', 'pts_is_annotated'):
         item['data_samples'].set_data({name: item['data_samples'].get(name)[:2]})
     _, grads = gradients(build(), [item])
@@ -142,8 +146,8 @@ def test_a_scene_of_one_voxel_with_a_view_of_two_has_gradients():
 def test_a_class_without_any_label_is_fine():
     item = make_room(0)
     item['data_samples'].pts_semantic_mask[item['data_samples'].pts_semantic_mask == 2] = -1
-    model = build(num_classes=7, semantic_head=dict(balance='frequency'), thing_classes=[1, 2, 6])
-    model.set_class_counts(torch.tensor([700, 500, 0, 0, 0, 0, 0]))
+    model = build(num_classes=7, losses=l_ins(balance='frequency'), thing_classes=[1, 2, 6])
+    model.set_label_statistics(LabelStatistics(np.array([700, 500, 0, 0, 0, 0, 0])))
     assert all(torch.isfinite(value) for value in losses_of(model, [item]).values())
     (sample,) = model.eval()(**model.data_preprocessor(pseudo_collate([item])), mode='predict')
     assert sample.pred_point_probs.shape == (1700, 7)
@@ -178,7 +182,9 @@ def test_predictions_follow_the_contract():
 
 def test_what_is_not_asked_for_is_not_predicted():
     data = build().data_preprocessor(pseudo_collate([make_room(0)]))
-    points_only = build(predict_points=True).eval()(data['inputs'], mode='predict')[0]
+    asked = build().eval()
+    asked.predict_points = True
+    points_only = asked(data['inputs'], mode='predict')[0]
     assert 'pred_point_centers' in points_only and 'pred_instance_masks' not in points_only
     assert 'pred_instance_masks' not in build(predict_instances=False).eval()(data['inputs'], mode='predict')[0]
     semantic = build(instance_head=None).eval()(data['inputs'], mode='predict')[0]
@@ -195,24 +201,11 @@ def test_bfloat16_forward():
     assert sample.pred_point_probs.dtype == torch.float32 and sample.pred_point_centers.dtype == torch.float32
 
 
-def test_soft_masks_by_hand():
-    xyz = torch.tensor([[0.0, 0, 0], [2, 0, 0], [1, 0, 0], [1, 0, 0], [1, 0, 0]])
-    offsets = torch.tensor([[1.0, 0, 0], [-1, 0, 0], [0.3, 0, 0], [0, 0, 0], [0, 0, 0]])
-    probs = torch.tensor([[0.2, 0.8]] * 5)
-    labels = PointLabels(
-        torch.tensor([1, 1, 0, -1, 1]), torch.tensor([0, 0, -1, -1, 1]), torch.tensor([0, 1]), torch.ones(5) > 0
-    )
-    first, second = soft_instance_masks(xyz, offsets, probs, torch.tensor([0, 4, 5]), labels, spread=0.15)
-    assert first.member.tolist() == [1, 1, 0]  # the unlabelled point is left out, the other scene too
-    assert first.mask.tolist() == pytest.approx([0.8, 0.8, 0.8 * 0.1353353], abs=1e-6)  # exp(-.3^2 / (2 .15^2))
-    assert second.member.tolist() == [1] and second.mask.tolist() == pytest.approx([0.8])
-
-
 def test_bad_settings_are_told():
     with pytest.raises(ValueError, match='thing_classes: expected classes 0..2'):
         build(thing_classes=[3])
-    with pytest.raises(ValueError, match='give an instance_head too'):
-        build(instance_head=None, dice_loss=dict(type='DiceLoss'))
+    with pytest.raises(ValueError, match='InstanceOffsets reads offsets, which this RM3DSegmentor does not have'):
+        build(instance_head=None, losses=l_ins())
     item = make_room(0)
     item['data_samples'].pts_semantic_mask[0] = 3
     with pytest.raises(SceneError, match='room_0: pts_semantic_mask: expected -1..2, got class 3'):

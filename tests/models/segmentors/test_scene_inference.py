@@ -13,7 +13,7 @@ from rm3d_plugin.models.segmentors.scene_inference import (
     view_matrices,
 )
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import LabelStatistics, SceneError
 
 
 def build(**changes):
@@ -43,7 +43,7 @@ def test_views_by_hand():
 
 def test_vectors_are_turned_back_and_scalars_averaged():
     points = torch.rand(50, 4)
-    inference = SceneInference(votes=5, flip='both')
+    inference = SceneInference(tta_rotations=5, flip='both')
 
     def look(turned):
         def values(rows):  # height, and the way to the z axis: the same from every side; x is not
@@ -61,7 +61,7 @@ def test_vectors_are_turned_back_and_scalars_averaged():
 def test_one_chunk_and_one_view_are_the_same_bits_as_the_batch():
     plain, items = build(), [make_room(0), make_room(1)]
     expected = predict(plain, *items)
-    plain.inference = SceneInference(max_points=10**6, votes=1, chunk_size=1e3)
+    plain.inference = SceneInference(max_points=10**6, tta_rotations=1, chunk_size=1e3)
     for sample, other in zip(predict(plain, *items), expected, strict=True):
         assert torch.equal(sample.pred_point_probs, other.pred_point_probs)
     plain.inference = SceneInference(chunk_size=1e3)  # not known to be whole: through the chunks, which are one
@@ -90,7 +90,7 @@ def test_a_network_without_context_says_the_same_in_chunks():
 
 
 def test_small_scenes_in_chunks_and_views():
-    model = build(inference=dict(max_points=3, votes=2, flip='both'))
+    model = build(inference=dict(max_points=3, tta_rotations=2, flip='both'))
     item = make_room(0)
     for count in (1, 2, 7):
         few = {**item, 'inputs': {'points': item['inputs']['points'][:count]}}
@@ -100,8 +100,8 @@ def test_small_scenes_in_chunks_and_views():
 
 
 def test_pseudo_labels_are_predicted_from_one_side():
-    model = build(predict_points=True, inference=dict(votes=4))
-    plain = build(predict_points=True)
+    model, plain = build(inference=dict(tta_rotations=4)), build()
+    model.predict_points = plain.predict_points = True
     (sample,), (other,) = predict(model, make_room(0)), predict(plain, make_room(0))
     torch.testing.assert_close(sample.pred_point_probs, other.pred_point_probs, atol=1e-6, rtol=0)
 
@@ -165,7 +165,7 @@ def test_rare_classes_are_said_more_rarely_by_a_prior():
     model, plain, item = build(inference=dict(logit_adjustment=0.3)), build(), make_room(0)
     own = predict(plain, item)[0].pred_point_probs
     torch.testing.assert_close(predict(model, item)[0].pred_point_probs, own)  # nobody told any counts
-    model.set_class_counts(torch.tensor([1000, 10, 0]))
+    model.set_label_statistics(LabelStatistics(np.array([1000, 10, 0])))
     weighed = own.double() * torch.tensor([1000**0.3, 10**0.3, 1.0])
     expected = (weighed / weighed.sum(dim=1, keepdim=True)).float()
     torch.testing.assert_close(predict(model, item)[0].pred_point_probs, expected)
@@ -177,7 +177,7 @@ def test_rare_classes_are_said_more_rarely_by_a_prior():
 @pytest.mark.parametrize(
     ('settings', 'told'),
     [
-        (dict(votes=0), 'votes: expected a whole number from 1'),
+        (dict(tta_rotations=0), 'tta_rotations: expected a whole number from 1'),
         (dict(max_points=0), 'max_points: expected a whole number'),
         (dict(chunk_size=0.0), 'chunk_size: expected metres > 0'),
         (dict(margin=-1.0), 'margin >= 0'),

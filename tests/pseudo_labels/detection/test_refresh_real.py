@@ -6,6 +6,9 @@ from reference.kitti_frames import frames, read_frame
 
 from rm3d_plugin.datasets.kitti_format import objects_to_boxes, read_calib, read_objects
 from rm3d_plugin.descriptors.adapted_pfh import AdaptedPFH
+from rm3d_plugin.evaluation.functional import SceneTruth
+from rm3d_plugin.evaluation.functional.pseudo_label_counts import BoxMatch, PseudoLabelCounts, count_pseudo_labels
+from rm3d_plugin.evaluation.functional.pseudo_label_scores import pseudo_label_scores
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.oversegmentation.region_growing import RegionGrowing
@@ -16,8 +19,6 @@ from rm3d_plugin.pseudo_labels import (
     PointPrediction,
     RoundContext,
     SceneInputs,
-    SceneTruth,
-    pseudo_report,
     refresh_detection,
 )
 from rm3d_plugin.regions import MergeRules
@@ -42,7 +43,7 @@ def test_right_predictions_become_good_boxes(real_data):
     """57 objects with five points or more; measured: 27 of 32 cars, 17 of 21 people, all 4 cyclists, 2 wrong boxes."""
     rng = np.random.default_rng(0)
     rules = DetectionRules(MergeRules(centre_distance=(1.2, 0.5, 0.7, None)))
-    scenes = []
+    counts, match = PseudoLabelCounts.none(4, 1, 3), BoxMatch((0.5, 0.25, 0.25), 'bev')
     for name in frames(real_data):
         frame = read_frame(real_data, name)
         cloud = PointCloud(frame.xyz, intensity=frame.intensity, sensor=(0.0, 0.0, 0.0))
@@ -62,10 +63,9 @@ def test_right_predictions_become_good_boxes(real_data):
             context = RoundContext(number, rules, np.array([10, 2, 2]))
             objects = ObjectKnowledge(SIZES, segment_ground(xyz).height)
             previous = refresh_detection(known, context, objects).labels
-        scenes.append((previous, SceneTruth(truth, boxes, np.hypot(xyz[:, 0], xyz[:, 1]))))
-    report = pseudo_report(scenes, (*CLASSES, 'background'), (0.5, 0.25, 0.25), 'bev').as_dict()
-    assert report['coverage'] > 0.95 and report['precision'] > 0.98
-    recall = [report['boxes'][name]['recall'] for name in CLASSES]
-    precision = [report['boxes'][name]['precision'] for name in CLASSES]
+        counts += count_pseudo_labels(previous, SceneTruth(truth, boxes=boxes), 4, match=match)
+    scores, found = pseudo_label_scores(counts), counts.boxes
+    assert scores.coverage > 0.95 and scores.precision > 0.98
+    recall, precision = found.correct / found.present, found.correct / found.given
     assert recall[0] > 0.8 and recall[1] > 0.7 and recall[2] == 1.0
     assert precision[0] > 0.85 and precision[1] > 0.9 and precision[2] == 1.0

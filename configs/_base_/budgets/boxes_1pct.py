@@ -1,3 +1,0 @@
-# Two labelled boxes per ten frames, as many of each class as of another while there are any, drawn by seed (METHOD 8).
-budget = dict(per_scene=0.2, alike=True)  # '1pct': classes as they come
-budget_seed = '${seed}'

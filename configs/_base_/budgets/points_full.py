@@ -1,3 +1,0 @@
-# All points, drawn by seed (METHOD 8).
-budget = 'full'
-budget_seed = '${seed}'

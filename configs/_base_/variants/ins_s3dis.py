@@ -1,6 +1,0 @@
-# What all configs of instance segmentation on S3DIS share: offsets, masks of instances, their scores.
-_base_ = './sem_s3dis.py'
-instance_head = '${point_group}'
-dice_loss = dict(_delete_=True, type='DiceLoss', loss_weight='${dice_weight}')
-val_evaluator = [dict(type='SemSegMetric'), dict(type='S3DISInstanceMetric')]
-demo = dict(cluster_radius=0.08, cluster_points=20, min_proposal_points=40)  # a point each 4 cm

@@ -1,0 +1,11 @@
+# Weak baseline: the network and schedule of rm3d_ins_scannet_1pct on the annotated points alone.
+# Run: rm3d train sup_ins_scannet_1pct [--demo]
+# Time: not measured.
+# Score on ScanNet: not measured (the data set is not part of the repository). On the demo: not measured.
+_base_ = '../_base_/scannet.py'
+task = 'instances'
+budget = '1pct'
+label_refreshes = 1  # the first labels stay
+propagate = False  # training sees the annotated points alone
+dice_loss = None  # the middle of a few annotated points is not that of their object
+instance_offsets = dict(min_points=10)  # of objects with fewer, no offset is taught

@@ -1,0 +1,8 @@
+# Full supervision: the network and schedule of rm3d_sem_scannet_* on all labels.
+# Run: rm3d train sup_sem_scannet_full [--demo]
+# Time: not measured.
+# Score on ScanNet: not measured (the data set is not part of the repository). On the demo: docs/RESULTS.md.
+_base_ = '../_base_/scannet.py'
+budget = 'full'
+label_refreshes = 1  # the labels stay
+propagate = False  # all points have a label

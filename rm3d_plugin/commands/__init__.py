@@ -1,0 +1,1 @@
+"""The commands: ``rm3d NAME ...`` and ``python tools/NAME.py ...`` run ``main`` of the module of that name."""

@@ -1,0 +1,57 @@
+"""The arguments by which commands find their config."""
+
+import argparse
+
+from mmengine.config import Config, DictAction
+from mmengine.dist import barrier, is_main_process
+from mmengine.registry import init_default_scope
+
+from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.engine.run import DEMO_NOTE, set_threads
+from rm3d_plugin.registry import SCOPE
+
+
+def add_config_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``config``, ``--demo``, ``--work-dir`` and ``--cfg-options``."""
+    parser.add_argument(
+        'config', help='a config file, or the name of one that comes with RM3D: rm3d_votenet_kitti_1pct, say'
+    )
+    parser.add_argument('--demo', action='store_true', help='run on synthetic demo data, made on first use')
+    parser.add_argument(
+        '--work-dir', metavar='FOLDER', help='receives all that the run leaves; default work_dirs/CONFIG'
+    )
+    parser.add_argument(
+        '--cfg-options',
+        nargs='+',
+        action=DictAction,
+        default={},
+        metavar='KEY=VALUE',
+        help='change config keys: data_root=/my/kitti descriptor.type=FPFH budget=3pct seed=1',
+    )
+
+
+def config_of(args: argparse.Namespace) -> Config:
+    """Read the config that the arguments name, and make the demo data if they ask for a demo.
+
+    Raises:
+        ConfigError: No such config, a bad reference, or an option for a key that the config does not have.
+    """
+    config = load_config(args.config, args.work_dir, args.demo, args.cfg_options)
+    set_threads(int(config.threads))
+    init_default_scope(SCOPE)
+    if args.demo:
+        _make_demo_data(config)
+        barrier()
+    return config
+
+
+def _make_demo_data(config: Config) -> None:
+    from rm3d_plugin.datasets.synthetic import make_demo  # virtual sensors take seconds to import
+
+    if not is_main_process():
+        return
+    try:
+        print(DEMO_NOTE)
+        make_demo(config.data_root, **config.demo_data)
+    except ValueError as error:  # a folder that holds real data is left alone
+        raise ConfigError(f'--demo: {error}') from error

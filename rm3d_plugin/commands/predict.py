@@ -1,0 +1,61 @@
+"""Predict scans: boxes from a detector's checkpoint, a class for each point from a segmentor's."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from rm3d_plugin.inference.predict import predict_files
+from rm3d_plugin.inference.predict_formats import FORMATS
+from rm3d_plugin.inference.predict_points import PointOptions
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Read the arguments and predict."""
+    parser = argparse.ArgumentParser(prog='rm3d predict', description=__doc__)
+    parser.add_argument('checkpoint', help='checkpoint of a training run; its config is inside')
+    parser.add_argument(
+        'scans',
+        nargs='+',
+        type=Path,
+        help='scans, or folders of them; detector: .bin, segmentor: .ply .pcd .las .laz .npy .npz .bin .txt .csv .xyz',
+    )
+    parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
+    parser.add_argument(
+        '--min-score', type=float, help='leave out boxes and instances that score lower; default 0.1 for boxes, else 0'
+    )
+    parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...; default cpu')
+    points = parser.add_argument_group('classes of points')
+    points.add_argument('--format', choices=list(FORMATS), default='ply', help='what is written; default ply')
+    points.add_argument(
+        '--tta-rotations', type=int, help='average over so many directions about z; default: as in the run'
+    )
+    points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
+    points.add_argument('--chunk', type=float, metavar='METRES', help='predict in chunks of this edge')
+    points.add_argument('--max-points', type=int, help='predict in chunks of at most so many points; default 1000000')
+    points.add_argument(
+        '--unknown-below', type=float, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
+    )
+    points.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
+    points.add_argument(
+        '--intensity-range', type=float, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
+    )
+    points.add_argument(
+        '--labels',
+        type=Path,
+        metavar='WORK_DIR/labels',
+        help="of the checkpoint's own run, for scans that it learnt from: their labels stay, the network says the rest",
+    )
+    args = parser.parse_args(arguments)
+    options = PointOptions(
+        format=args.format,
+        tta_rotations=args.tta_rotations,
+        flip=args.flip,
+        max_points=args.max_points,
+        chunk_size=args.chunk,
+        unknown_below=args.unknown_below,
+        columns=args.columns,
+        intensity_range=None if args.intensity_range is None else tuple(args.intensity_range),
+        labels=args.labels,
+    )
+    for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
+        print(path)

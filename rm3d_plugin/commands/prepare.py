@@ -1,0 +1,16 @@
+"""Make the regions and first labels of every training scene, so that training starts at once."""
+
+import argparse
+from collections.abc import Sequence
+
+from rm3d_plugin.commands.config_arguments import add_config_arguments, config_of
+from rm3d_plugin.engine.run import prepare
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Read the arguments and prepare."""
+    parser = argparse.ArgumentParser(prog='rm3d prepare', description=__doc__)
+    add_config_arguments(parser)
+    parser.add_argument('--jobs', type=int, default=1, help='processes; default 1')
+    args = parser.parse_args(arguments)
+    prepare(config_of(args), jobs=args.jobs)

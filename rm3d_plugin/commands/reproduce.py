@@ -1,0 +1,62 @@
+"""Make a table of the documentation again: train or measure what is missing, then print it."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.experiments import FORMATS, TABLES, Request, list_tables, make_table, to_format
+from rm3d_plugin.experiments.scenes import COLLECTIONS
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Read the arguments and print the table."""
+    args = _parser().parse_args(arguments)
+    request = Request(
+        out=args.out or Path('work_dirs/reproduce') / (args.table or ''),
+        seeds=tuple(args.seeds),
+        jobs=args.jobs,
+        options=tuple(args.cfg_options),
+        data=tuple(args.data),
+        scenes=args.scenes,
+        points=args.points or None,
+        seed=args.seed,
+        data_root=args.data_root,
+    )
+    if args.list:
+        print(list_tables(request))
+    elif args.table is None:
+        raise ConfigError('reproduce: name a table; --list shows them')
+    else:
+        table = make_table(args.table, request)
+        if args.format == 'png':
+            print(request.out / f'{args.table}.png')
+        else:
+            print(to_format(table, args.format).decode(), end='')
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='rm3d reproduce', description=__doc__)
+    parser.add_argument('table', nargs='?', choices=sorted(TABLES), help='its name; --list tells what each shows')
+    parser.add_argument('--list', action='store_true', help='list the tables, and how many runs each trains')
+    parser.add_argument('--out', type=Path, help='folder of the results; default work_dirs/reproduce/TABLE')
+    parser.add_argument('--format', choices=FORMATS, default='md', help='what to print; all are written; default md')
+    training = parser.add_argument_group('tables that train')
+    training.add_argument('--seeds', type=int, nargs='+', default=[0, 1, 2], help='one run a seed; default 0 1 2')
+    training.add_argument('--jobs', type=int, default=1, help='runs at the same time, one thread each; default 1')
+    training.add_argument('--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of every run')
+    measured = parser.add_argument_group('tables that measure scenes')
+    measured.add_argument('--scenes', type=int, default=2, help='scenes of each kind; default 2')
+    measured.add_argument(
+        '--points', type=int, default=20000, help='of each scene, nearest to its middle; 0: all; default 20000'
+    )
+    measured.add_argument('--seed', type=int, default=0, help='of labels, turns and noise; default 0')
+    measured.add_argument(
+        '--data',
+        nargs='+',
+        default=list(COLLECTIONS),
+        choices=COLLECTIONS,
+        help='kinds of scenes; default: all there are',
+    )
+    measured.add_argument('--data-root', type=Path, help='folder of the scenes; default OUT/data, RM3D_REAL_DATA')
+    return parser

@@ -1,0 +1,32 @@
+"""Train RM3D or a compared method by a config."""
+
+import argparse
+import os
+from collections.abc import Sequence
+
+from mmengine.dist import is_main_process
+
+from rm3d_plugin.commands.config_arguments import add_config_arguments, config_of
+from rm3d_plugin.engine.distributed import joined_processes
+from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record
+from rm3d_plugin.engine.run import DEMO_NOTE, train
+from rm3d_plugin.reporting.scores import result_table
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Read the arguments and train."""
+    parser = argparse.ArgumentParser(prog='rm3d train', description=__doc__)
+    add_config_arguments(parser)
+    parser.add_argument('--resume', action='store_true', help='go on from the newest checkpoint of the work dir')
+    parser.add_argument('--amp', action='store_true', help='mixed precision: float16 on a GPU, bfloat16 on a CPU')
+    parser.add_argument('--launcher', choices=['none', 'pytorch', 'slurm', 'mpi'], default='none')
+    parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
+    args = parser.parse_args(arguments)
+    os.environ.setdefault('LOCAL_RANK', str(args.local_rank))
+    with joined_processes(args.launcher):
+        config = config_of(args)
+        work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher)
+        main_process = is_main_process()
+    if main_process:
+        print(result_table(final_records(read_record(work_dir))))
+        print(f'{DEMO_NOTE}\n' * config.is_demo + f'report: {work_dir / "report.html"}')

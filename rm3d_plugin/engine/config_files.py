@@ -1,0 +1,82 @@
+"""Where config files lie: a user's own by path, those that come with RM3D by name."""
+
+import difflib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from mmengine.config import Config
+
+PACKAGE = Path(__file__).resolve().parents[1]
+SHIPPED = f'{PACKAGE.name}::'
+
+
+class ConfigError(ValueError):
+    """A config that cannot be run; the message names the key."""
+
+
+def shipped_configs() -> Path:
+    """Folder of the configs that come with RM3D: in a wheel inside the package, in a checkout beside it."""
+    inside = PACKAGE / 'configs'
+    return inside if inside.is_dir() else PACKAGE.parent / 'configs'
+
+
+def shipped_leaves() -> dict[str, Path]:
+    """The configs that can be run, by name."""
+    found = sorted(shipped_configs().rglob('*.py'))
+    return {path.stem: path for path in found if '_base_' not in path.parts}
+
+
+def find_config(name: str | Path) -> Path:
+    """The file that a name means.
+
+    Args:
+        name: A path; or ``rm3d_plugin::NAME.py`` or ``NAME`` for a config that comes with RM3D, wherever it lies there.
+
+    Raises:
+        ConfigError: There is none.
+    """
+    text = str(name)
+    if text.startswith(SHIPPED):
+        return shipped_config(text.removeprefix(SHIPPED))
+    if Path(text).is_file() or '/' in text:
+        return Path(text)
+    leaves = shipped_leaves()
+    return leaves.get(text, leaves.get(text.removesuffix('.py'), Path(text)))
+
+
+def shipped_config(name: str) -> Path:
+    """A file of :func:`shipped_configs` by its path there, or a leaf by its name alone; ``.py`` may be left out.
+
+    Raises:
+        ConfigError: There is none.
+    """
+    path = shipped_configs() / f'{name.removesuffix(".py")}.py'
+    if path.is_file():
+        return path
+    if path.stem in shipped_leaves() and path.parent == shipped_configs():
+        return shipped_leaves()[path.stem]
+    raise ConfigError(f'{SHIPPED}{name}: no such config{similar(name)}')
+
+
+def similar(name: str | Path) -> str:
+    """The end of a message about a name that is none: which shipped config may have been meant."""
+    near = difflib.get_close_matches(Path(name).stem, list(shipped_leaves()), n=3)
+    return f'; did you mean {" or ".join(near)}?' if near else f'; those of RM3D are in {shipped_configs()}'
+
+
+@contextmanager
+def shipped_bases() -> Iterator[None]:
+    """Within this block ``_base_ = 'rm3d_plugin::NAME.py'`` is read; mmengine reads its own family's packages alone."""
+    mmengines = Config._get_cfg_path
+
+    def path_and_scope(base: str, filename: str) -> tuple[str, str | None]:
+        if base.startswith(SHIPPED):
+            return str(shipped_config(base.removeprefix(SHIPPED))), None
+        return mmengines(base, filename)
+
+    Config._get_cfg_path = staticmethod(path_and_scope)
+    try:
+        yield
+    finally:
+        Config._get_cfg_path = staticmethod(mmengines)

@@ -1,0 +1,163 @@
+"""What segmentor and detector share: a backbone, heads on its features, and an open list of losses."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, Literal, final, get_args
+
+import torch
+from mmengine.model import BaseModel
+from torch import Tensor, nn
+
+from rm3d_plugin.models.batch import Batch
+from rm3d_plugin.models.consistency import View, kept_statistics
+from rm3d_plugin.models.losses.loss_term import LossTerm
+from rm3d_plugin.models.outputs import PointOutput
+from rm3d_plugin.registry import MODELS
+from rm3d_plugin.structures import LabelStatistics, SceneSample
+
+Mode = Literal['loss', 'predict', 'tensor']
+LossConfigs = Sequence[dict[str, Any] | None]
+
+
+class PointModel(BaseModel):
+    """A network that says something of every point.
+
+    ::
+
+        points ---------> encode --> features --> heads -> outputs --+
+        views, if asked > encode --> features --> classify ----------+--> losses[0], losses[1], ... -> dict
+        data samples ---> labels ------------------------------------+
+
+    A subclass builds its heads in ``__init__`` and then calls :meth:`add_losses`, since the start of a network depends
+    on the order of its parts.
+
+    Args:
+        backbone: Config of a backbone with ``forward(xyz, features, batch_offsets)`` and ``out_channels``;
+            ``in_channels`` is filled in.
+        in_channels: Features of a point that the backbone reads.
+        data_preprocessor: ``ScenePreprocessor`` by default.
+        init_cfg: As in mmengine.
+
+    Attributes:
+        losses: The :class:`LossTerm` of each entry by its class name (a second of a class gets a number).
+        predict_points: Predict what making labels needs of points; the label hook sets it while it asks for that.
+    """
+
+    def __init__(
+        self,
+        backbone: dict[str, Any],
+        in_channels: int,
+        data_preprocessor: dict[str, Any] | None = None,
+        init_cfg: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__(data_preprocessor or {'type': 'rm3d_plugin.ScenePreprocessor'}, init_cfg)
+        self.backbone = MODELS.build({**backbone, 'in_channels': in_channels})
+        self.predict_points = False
+
+    @abstractmethod
+    def encode(self, points: Tensor, batch_offsets: Tensor) -> Tensor:
+        """Features (N, F) of the points (N, D) of a batch."""
+
+    @abstractmethod
+    def classify(self, features: Tensor) -> Tensor:
+        """Class scores of points, float32, from their features."""
+
+    @abstractmethod
+    def network(self, batch: Batch) -> PointOutput:
+        """Run backbone and heads."""
+
+    @abstractmethod
+    def labels(self, samples: Sequence[SceneSample], batch: Batch, outputs: Any) -> Any:
+        """What is known of a batch, as a named tuple: what the losses get."""
+
+    @abstractmethod
+    def predict(self, batch: Batch, samples: list[SceneSample]) -> None:
+        """Fill in the predictions of every scene, on the CPU; gradients are off."""
+
+    @abstractmethod
+    def set_label_statistics(self, statistics: LabelStatistics) -> None:
+        """Tell the model what the annotated labels of the whole training set say; kept in checkpoints."""
+
+    @final
+    def add_losses(self, configs: LossConfigs, given: set[str]) -> None:
+        """Build the losses; an entry that is None is left out.
+
+        Args:
+            configs: Of :class:`LossTerm`.
+            given: The fields that outputs and labels of this model have.
+
+        Raises:
+            TypeError: An entry is no :class:`LossTerm`.
+            ValueError: A loss reads a field that this model does not have.
+        """
+        self.losses = nn.ModuleDict()  # behind the heads: the order of parameters decides the last bits
+        for config in configs:
+            if config is None:
+                continue
+            term = MODELS.build(config)
+            name = type(term).__name__
+            if not isinstance(term, LossTerm):
+                raise TypeError(
+                    f'losses: expected loss terms, called with (batch, outputs, labels), got {name}; wrap it, say as '
+                    "dict(type='ViewConsistency', loss=dict(type='JSAugLoss')), or make it a LossTerm"
+                )
+            if missing := set(term.needs) - given:
+                raise ValueError(
+                    f'losses: {name} reads {", ".join(sorted(missing))}, which this {type(self).__name__} does not '
+                    'have: give it the head that says so, or leave the loss out'
+                )
+            again = sum(type(other).__name__ == name for other in self.losses.values())
+            self.losses[f'{name}_{again + 1}' if again else name] = term
+
+    @final
+    def forward(
+        self,
+        inputs: dict[str, Any],
+        data_samples: Sequence[SceneSample] | None = None,
+        mode: Mode = 'tensor',
+    ) -> Any:
+        """Losses by name, samples with predictions (fresh ones where none are given), or the plain outputs.
+
+        Args:
+            inputs: As :class:`ScenePreprocessor` gives them.
+            data_samples: One a scene.
+            mode: What to do.
+        """
+        if mode not in get_args(Mode):
+            raise ValueError(f'mode: expected one of {get_args(Mode)}, got {mode!r}')
+        batch = self._batch(inputs)
+        if mode == 'loss':
+            return self._loss(batch, data_samples or [])
+        if mode == 'predict':
+            given = [SceneSample() for _ in batch.sizes] if data_samples is None else list(data_samples)
+            with torch.no_grad():
+                self.predict(batch, given)
+            return given
+        return self.network(batch)
+
+    @final
+    def _batch(self, inputs: dict[str, Any]) -> Batch:
+        views = (View(**view, encode=self._encode_view, classify=self.classify) for view in inputs.get('views', ()))
+        return Batch(inputs['points'], inputs['batch_offsets'], tuple(views))
+
+    @final
+    def _encode_view(self, points: Tensor, batch_offsets: Tensor) -> Tensor:
+        with kept_statistics(self.backbone):
+            return self.encode(points, batch_offsets)
+
+    @final
+    def _loss(self, batch: Batch, samples: Sequence[SceneSample]) -> dict[str, Tensor]:
+        """What every entry of the list says, in its order.
+
+        Raises:
+            ValueError: Two entries give a value the same name.
+        """
+        outputs = self.network(batch)
+        labels = self.labels(samples, batch, outputs)
+        found: dict[str, Tensor] = {}
+        for key, term in self.losses.items():
+            values = term(batch, outputs, labels)
+            if twice := found.keys() & values.keys():
+                raise ValueError(f'losses: {key} and an entry before it both say {", ".join(sorted(twice))}')
+            found.update(values)
+        return found

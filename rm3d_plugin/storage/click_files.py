@@ -1,0 +1,271 @@
+"""Click files: labels that a person gave point by point, as CSV, JSON, or a log that only grows.
+
+All three hold the same fields. CSV begins with a line that names its columns; JSON is a list of objects. A log
+(``.jsonl``) has one JSON object a line: first ``{"kind": "clicks", "format": 1}``, then ``{"click": 7, "scene": ...}``
+for the seventh click, or ``{"undo": 7}``, which takes it back. A line that a crash cut off does not count.
+"""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rm3d_plugin.storage.files import read_json, write_json, write_text
+from rm3d_plugin.structures import SceneError
+
+COLUMNS = ('scene', 'index', 'x', 'y', 'z', 'class', 'instance')
+LOG_HEAD = {'kind': 'clicks', 'format': 1}
+DECIMALS = 4  # of a metre: 0.1 mm
+Line = tuple[str, Mapping[str, Any]]  # file and line for error messages; field -> text or number
+
+
+class ClickFileError(SceneError):
+    """Clicks that cannot be read or written; the message names file, line and field."""
+
+
+@dataclass(frozen=True)
+class Click:
+    """One labelled point.
+
+    Attributes:
+        scene: Name of its scene.
+        semantic: Class number.
+        instance: Instance number, -1 = none.
+        index: Point number in the original file, or None where only the place is known.
+        xyz: Place in metres, in the coordinates of the original file, or None where only the number is known.
+        where: For error messages, such as ``clicks.csv line 3``.
+
+    Raises:
+        ClickFileError: There is no scene, or neither index nor place.
+    """
+
+    scene: str
+    semantic: int
+    instance: int = -1
+    index: int | None = None
+    xyz: tuple[float, float, float] | None = None
+    where: str = field(default='click', compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.scene:
+            raise ClickFileError(f'{self.where}: no scene given')
+        if self.index is None and self.xyz is None:
+            raise ClickFileError(f'{self.where}: expected an index or x, y and z')
+
+
+class LoggedClicks(NamedTuple):
+    """What a log says.
+
+    Attributes:
+        standing: Number -> click, without those taken back.
+        last: Highest number given, 0 before the first.
+        size: Bytes of whole lines; what follows was cut off.
+    """
+
+    standing: dict[int, Click]
+    last: int
+    size: int
+
+
+def read_clicks(path: str | Path, classes: Sequence[str]) -> list[Click]:
+    """Read ``scene,index,class[,instance]`` or ``scene,x,y,z,class[,instance]``.
+
+    Args:
+        path: ``.json`` (a list of objects), ``.jsonl`` (a log; clicks taken back are left out), anything else is CSV
+            with named columns in any order. Where both index and place are given, the place must be that of the point.
+        classes: The class of a click is one of these names, or its number.
+
+    Raises:
+        ClickFileError: The file or one of its lines cannot be used; the message names both.
+    """
+    return [click_from_row(where, row, classes) for where, row in _rows(Path(path))]
+
+
+def click_classes(path: str | Path) -> list[str]:
+    """Class names of a file of clicks, sorted; for a file whose classes nobody listed.
+
+    Raises:
+        ClickFileError: The file cannot be used.
+    """
+    return sorted({str(row['class']).strip() for _, row in _rows(Path(path)) if row.get('class') is not None})
+
+
+def write_clicks(path: str | Path, clicks: Sequence[Click], classes: Sequence[str]) -> None:
+    """Write clicks so that :func:`read_clicks` reads them back: ``.json``, ``.jsonl``, anything else is CSV.
+
+    Raises:
+        ClickFileError: A click has a class that is not among ``classes``.
+    """
+    path = Path(path)
+    rows = [row_of_click(click, classes) for click in clicks]
+    if path.suffix.lower() == '.json':
+        write_json(path, rows)
+    elif path.suffix.lower() == '.jsonl':
+        numbered = ({'click': number, **row} for number, row in enumerate(rows, start=1))
+        write_text(path, ''.join(map(log_line, [LOG_HEAD, *numbered])))
+    else:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, COLUMNS, restval='', lineterminator='\n')
+        writer.writeheader()
+        writer.writerows(rows)
+        write_text(path, text.getvalue())
+
+
+def read_click_log(path: str | Path, classes: Sequence[str]) -> LoggedClicks:
+    """Read a log and follow its undos.
+
+    Raises:
+        ClickFileError: It is no log, or a line cannot be used; the message names the line.
+    """
+    lines, size = _log_lines(Path(path))
+    standing, last = _standing(Path(path), lines)
+    return LoggedClicks({number: click_from_row(*line, classes) for number, line in standing.items()}, last, size)
+
+
+def log_line(row: Mapping[str, Any]) -> str:
+    """One line of a log."""
+    return json.dumps(row, ensure_ascii=False) + '\n'
+
+
+def row_of_click(click: Click, classes: Sequence[str]) -> dict[str, Any]:
+    """The fields of a click by their names in a file; those that it lacks are left out.
+
+    Raises:
+        ClickFileError: Its class is not among ``classes``.
+    """
+    if not 0 <= click.semantic < len(classes):
+        raise ClickFileError(f'{click.where}: class: expected a number 0..{len(classes) - 1}, got {click.semantic}')
+    row: dict[str, Any] = {'scene': click.scene}
+    if click.index is not None:
+        row['index'] = click.index
+    if click.xyz is not None:
+        row |= {name: round(float(value), DECIMALS) for name, value in zip('xyz', click.xyz, strict=True)}
+    row['class'] = classes[click.semantic]
+    return row if click.instance < 0 else {**row, 'instance': click.instance}
+
+
+def click_from_row(where: str, row: Mapping[str, Any], classes: Sequence[str]) -> Click:
+    """The click of named fields.
+
+    Args:
+        where: File and line, for error messages.
+        row: Field -> text or number; other fields are ignored.
+        classes: Class names.
+
+    Raises:
+        ClickFileError: A field is missing or cannot be used.
+    """
+    cells = {name: '' if row.get(name) is None else str(row[name]).strip() for name in COLUMNS}
+    place = [(name, cells[name]) for name in 'xyz']
+    numbers = [_number(where, name, cell, float) for name, cell in place] if all(cell for _, cell in place) else None
+    return Click(
+        scene=cells['scene'],
+        semantic=_class_number(where, cells['class'], classes),
+        instance=max(int(_number(where, 'instance', cells['instance'], int)), -1) if cells['instance'] else -1,
+        index=int(_number(where, 'index', cells['index'], int)) if cells['index'] else None,
+        xyz=None if numbers is None else (numbers[0], numbers[1], numbers[2]),
+        where=where,
+    )
+
+
+def _rows(path: Path) -> list[Line]:
+    if not path.is_file():
+        raise ClickFileError(f'{path}: no such file of clicks')
+    readers = {'.json': _json_rows, '.jsonl': _log_rows}
+    rows = readers.get(path.suffix.lower(), _csv_rows)(path)
+    if not rows:
+        raise ClickFileError(f'{path}: holds no click')
+    return rows
+
+
+def _json_rows(path: Path) -> list[Line]:
+    content = read_json(path)
+    if not isinstance(content, list) or not all(isinstance(row, dict) for row in content):
+        raise ClickFileError(f'{path}: expected a list of objects with scene, class and index or x, y, z')
+    return [(f'{path} entry {i}', row) for i, row in enumerate(content, start=1)]
+
+
+def _csv_rows(path: Path) -> list[Line]:
+    try:
+        text = path.read_text(encoding='utf-8-sig')
+    except UnicodeDecodeError as error:
+        raise ClickFileError(f'{path}: expected UTF-8 text ({error})') from error
+    reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    names = [name.strip().lower() for name in reader.fieldnames or ()]
+    if 'scene' not in names or 'class' not in names or not ('index' in names or {'x', 'y', 'z'} <= set(names)):
+        raise ClickFileError(
+            f'{path}: the first line must name the columns: scene,index,class[,instance] or '
+            f'scene,x,y,z,class[,instance]; got {",".join(names)!r}'
+        )
+    reader.fieldnames = names
+    return [(f'{path} line {reader.line_num}', row) for row in reader]
+
+
+def _log_rows(path: Path) -> list[Line]:
+    return list(_standing(path, _log_lines(path)[0])[0].values())
+
+
+def _standing(path: Path, lines: Sequence[Line]) -> tuple[dict[int, Line], int]:
+    """Number -> line of the clicks that stand in the end, and the highest number given."""
+    if not lines or lines[0][1] != LOG_HEAD:
+        raise ClickFileError(f'{path} line 1: expected {json.dumps(LOG_HEAD)}; this is no log of clicks')
+    standing: dict[int, Line] = {}
+    last = 0
+    for where, row in lines[1:]:
+        if 'undo' not in row:
+            last += 1
+            standing[last] = (where, row)
+            if row.get('click') != last:
+                raise ClickFileError(f'{where}: click: expected number {last}, got {row.get("click")!r}')
+        elif not isinstance(row['undo'], int) or standing.pop(row['undo'], None) is None:
+            raise ClickFileError(f'{where}: undo: no click {row["undo"]!r} stands before this line')
+    return standing, last
+
+
+def _log_lines(path: Path) -> tuple[list[Line], int]:
+    """Objects of the lines, with file and line, and the bytes they take; a last line that was cut off is left out."""
+    content = path.read_bytes()
+    size = content.rfind(b'\n') + 1
+    if _is_whole(content[size:]):  # a person left the last newline out
+        size = len(content)
+    lines: list[Line] = []
+    for number, line in enumerate(content[:size].splitlines(), start=1):
+        where = f'{path} line {number}'
+        try:
+            row = json.loads(line)
+        except ValueError as error:
+            raise ClickFileError(f'{where}: not readable as JSON ({error}); mend or delete this line') from error
+        if not isinstance(row, dict):
+            raise ClickFileError(f'{where}: expected an object with scene, class and index or x, y, z')
+        lines.append((where, row))
+    return lines, size
+
+
+def _is_whole(line: bytes) -> bool:
+    """True for a JSON object; a part of one never is."""
+    try:
+        return isinstance(json.loads(line), dict)
+    except ValueError:
+        return False
+
+
+def _number(where: str, name: str, text: str, kind: Callable[[str], float]) -> float:
+    try:
+        value = kind(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ClickFileError(f'{where}: {name}: expected a {"whole " * (kind is int)}number, got {text!r}')
+    return value
+
+
+def _class_number(where: str, text: str, classes: Sequence[str]) -> int:
+    if text in classes:
+        return list(classes).index(text)
+    if text.isdigit() and int(text) < len(classes):
+        return int(text)
+    raise ClickFileError(f'{where}: class: expected one of {", ".join(classes)} or 0..{len(classes) - 1}, got {text!r}')

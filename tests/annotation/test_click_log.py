@@ -1,0 +1,108 @@
+"""The log of a session: it only grows, survives a crash, and is a label budget as it is."""
+
+import json
+
+import numpy as np
+import pytest
+from reference.toy_scenes import ToyRooms
+
+from rm3d_plugin.annotation import Click, ClickFileError, ClickLog, read_clicks, write_clicks
+from rm3d_plugin.label_budgets import clicks_of
+from rm3d_plugin.labeling import PointBudgetSource
+
+CLASSES = ('floor', 'box', 'wall')
+
+
+def click(index, semantic=0):
+    return Click('s', semantic, index=index)
+
+
+def test_clicks_and_undos_are_lines(tmp_path):
+    log = ClickLog(tmp_path / 'new' / 'session.jsonl', CLASSES)
+    assert log.clicks == [] and log.path.read_text() == '{"kind": "clicks", "format": 1}\n'
+    assert [log.add(click(7, 2)), log.add(Click('s', 1, 4, xyz=(1.00004, 2, 3))), log.add(click(9))] == [1, 2, 3]
+    assert log.undo(1) == click(7, 2) and log.undo() == click(9)
+    assert log.add(click(5)) == 4  # a number is given once
+    assert [json.loads(line) for line in log.path.read_text().splitlines()[1:]] == [
+        {'click': 1, 'scene': 's', 'index': 7, 'class': 'wall'},
+        {'click': 2, 'scene': 's', 'x': 1.0, 'y': 2.0, 'z': 3.0, 'class': 'box', 'instance': 4},
+        {'click': 3, 'scene': 's', 'index': 9, 'class': 'floor'},
+        {'undo': 1},
+        {'undo': 3},
+        {'click': 4, 'scene': 's', 'index': 5, 'class': 'floor'},
+    ]
+    assert [c.index for c in log.clicks] == [c.index for c in read_clicks(log.path, CLASSES)] == [None, 5]
+
+
+def test_a_session_is_taken_up(tmp_path):
+    path = tmp_path / 's.jsonl'
+    log = ClickLog(path, CLASSES)
+    log.add(click(1))
+    log.add(click(2))
+    log.undo()
+    again = ClickLog(path, CLASSES)
+    assert again.clicks == [click(1)]
+    assert again.add(click(3)) == 3 and again.undo(1) == click(1)
+    assert ClickLog(path, CLASSES).clicks == [click(3)]
+
+
+@pytest.mark.parametrize('cut', range(1, 60, 7))
+def test_a_crash_while_writing_loses_that_line_alone(tmp_path, cut):
+    path = tmp_path / 's.jsonl'
+    log = ClickLog(path, CLASSES)
+    log.add(click(1))
+    log.add(click(2))
+    path.write_bytes(path.read_bytes()[:-cut])
+    left = len(read_clicks(path, CLASSES)) if cut < 55 else 1
+    again = ClickLog(path, CLASSES)
+    assert again.clicks == [click(1), click(2)][:left] and left == (2 if cut == 1 else 1)
+    again.add(click(3))
+    assert ClickLog(path, CLASSES).clicks == [*[click(1), click(2)][:left], click(3)]
+
+
+def test_what_is_not_there_cannot_be_taken_back(tmp_path):
+    log = ClickLog(tmp_path / 's.jsonl', CLASSES)
+    with pytest.raises(ClickFileError, match='undo: no click 0 stands; 0 do'):
+        log.undo()
+    log.add(click(1))
+    log.undo(1)
+    before = log.path.read_bytes()
+    with pytest.raises(ClickFileError, match=r's\.jsonl: undo: no click 1 stands; 0 do'):
+        log.undo(1)
+    with pytest.raises(ClickFileError, match=r'class: expected a number 0\.\.2, got 3'):
+        log.add(click(1, 3))
+    assert log.path.read_bytes() == before
+
+
+def test_files_that_are_no_log_are_left_alone(tmp_path):
+    with pytest.raises(ClickFileError, match=r'a log of clicks is named \*\.jsonl'):
+        ClickLog(tmp_path / 's.csv', CLASSES)
+    (tmp_path / 's.jsonl').write_text('{"a": 1}\n')
+    with pytest.raises(ClickFileError, match='line 1: expected'):
+        ClickLog(tmp_path / 's.jsonl', CLASSES)
+    assert (tmp_path / 's.jsonl').read_text() == '{"a": 1}\n'
+
+
+@pytest.mark.parametrize('name', ['clicks.csv', 'clicks.json', 'clicks.jsonl'])
+def test_a_drawn_budget_comes_back_from_clicks(tmp_path, name):
+    drawn = PointBudgetSource(ToyRooms(2), '20pts', seed=4)
+    clicks = []
+    for index, scene in enumerate(drawn.scene_ids):
+        cloud = drawn.load_cloud(index)
+        clicks += clicks_of(scene, drawn.annotated(index, len(cloud)), cloud, drawn.rows_of(scene))
+    write_clicks(tmp_path / name, clicks, CLASSES)
+    again = PointBudgetSource(ToyRooms(2, truth=False), {'clicks': str(tmp_path / name)})
+    assert list(again.budget.annotated) == list(drawn.budget.annotated)
+    for scene, points in drawn.budget.annotated.items():
+        for ours, theirs in zip(points, again.budget.annotated[scene], strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_a_session_is_a_budget(tmp_path):
+    log = ClickLog(tmp_path / 'session.jsonl', CLASSES)
+    for index, semantic in ((12, 1), (3, 0), (40, 2)):
+        log.add(Click('room0', semantic, index=index))
+    log.undo(1)
+    budget = PointBudgetSource(ToyRooms(1, truth=False), f'clicks={log.path}').budget
+    assert budget.annotated['room0'].points.tolist() == [3, 40]
+    assert budget.annotated['room0'].semantic.tolist() == [0, 2]

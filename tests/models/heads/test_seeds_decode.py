@@ -1,0 +1,71 @@
+import numpy as np
+import torch
+
+from rm3d_plugin.models.heads.box_coder import BoxPrediction
+from rm3d_plugin.models.heads.decode import class_scores, decode_scene, fuse_boxes
+from rm3d_plugin.models.heads.seeds import choose_seeds
+
+
+def test_seeds_prefer_foreground_then_spread():
+    xyz = torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [5, 0, 0], [50, 0, 0], [60, 0, 0]])
+    foreground = torch.tensor([0.9, 0.8, 0.7, 0.1, 0.05])
+    rows, offsets = choose_seeds(xyz, foreground, torch.tensor([0, 5]), 2, 0.2)
+    assert rows.tolist() == [0, 2]  # of the three likely points, the two furthest apart
+    assert offsets.tolist() == [0, 2]
+    rows, _ = choose_seeds(xyz, foreground, torch.tensor([0, 5]), 4, 0.2)
+    assert sorted(rows.tolist()) == [0, 1, 2, 3]  # too few likely ones: the next likeliest
+    rows, offsets = choose_seeds(xyz, foreground, torch.tensor([0, 0, 5]), 9, 0.2)
+    assert (len(rows), offsets.tolist()) == (5, [0, 0, 5])
+
+
+def prediction(centers, objectness, kinds):
+    n = len(centers)
+    scores = torch.full((n, 2), -20.0)
+    scores[torch.arange(n), torch.tensor(kinds)] = 20.0
+    pair = torch.stack([torch.zeros(n), torch.tensor(objectness)], dim=1)
+    return BoxPrediction(
+        pair, torch.tensor(centers), torch.zeros(n, 1), torch.zeros(n, 1), scores, torch.zeros(n, 2, 3), scores
+    )
+
+
+def test_decode_keeps_the_best_of_each_class():
+    means = torch.tensor([[4.0, 2, 1], [4.0, 2, 1]])
+    got = decode_scene(
+        prediction([[0.0, 0, 0], [0.3, 0, 0], [0.0, 0, 0], [9.0, 0, 0]], [1.0, 3.0, 2.0, -9.0], [0, 0, 1, 0]), means
+    )
+    assert got.labels.tolist() == [0, 1]
+    assert torch.allclose(got.boxes, torch.tensor([[0.3, 0, 0, 4, 2, 1, 0], [0.0, 0, 0, 4, 2, 1, 0]]))
+    assert torch.allclose(got.scores, torch.sigmoid(torch.tensor([3.0, 2.0])), atol=1e-5)
+    none = decode_scene(prediction([[0.0, 0, 0]], [-9.0], [0]), means)
+    assert none.boxes.shape == (0, 7) and none.scores.shape == (0,)
+
+
+def test_scores_may_ask_the_points():
+    given = prediction([[0.0, 0, 0]], [0.0], [0])
+    assert torch.allclose(class_scores(given), torch.tensor([[0.5, 0.0]]), atol=1e-6)
+    asked = class_scores(given, torch.tensor([[0.25, 0.75]]))
+    assert torch.allclose(asked, torch.tensor([[0.25, 0.0]]), atol=1e-6)
+
+
+def test_fusing_averages_what_overlaps_within_the_class():
+    boxes = np.array(
+        [
+            [0.0, 0, 0, 4, 2, 1, 0.1],
+            [0.0, 0, 1.0, 4, 2, 1, 0.1 + np.pi],
+            [0.0, 0, 9, 4, 2, 1, 0.1],
+            [30.0, 0, 0, 4, 2, 1, 2],
+        ]
+    )
+    scores, labels = np.array([1.0, 0.5, 0.9, 0.2]), np.array([0, 0, 1, 0])
+    got = fuse_boxes(boxes, scores, labels, np.array([0, 3]), 0.5)
+    assert np.allclose(
+        got[0], [0, 0, 0.2, 4, 2, 1, 0.1]
+    )  # (1 x 0 + .25 x 1) / 1.25; the reversed one keeps the heading
+    assert np.allclose(got[1], boxes[3])
+
+
+def test_fused_decode_keeps_scores_and_labels():
+    given, means = prediction([[0.0, 0, 0], [0.4, 0, 0]], [2.0, 2.0], [0, 0]), torch.tensor([[4.0, 2, 1], [4.0, 2, 1]])
+    plain, fused = decode_scene(given, means), decode_scene(given, means, fuse_iou=0.5)
+    assert torch.equal(plain.scores, fused.scores)
+    assert plain.boxes[0, 0] == 0.0 and 0.1 < float(fused.boxes[0, 0]) < 0.2
