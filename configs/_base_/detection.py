@@ -132,7 +132,7 @@ scene_class_loss = dict(type='SceneClasses', num_classes='${num_classes}')
 budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 graph_neighbors = 8
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it, and axis-aligned boxes
-self_training = None
+self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
 label_maker = dict(
     type='DetectionLabelMaker',
     store='${work_dir}/labels',

@@ -194,7 +194,7 @@ merge = dict(rounds='${label_refreshes}', centre_distance=0.3)
 propagation = dict(max_color=0.45, max_extent=3.0, new_instances=False)
 region_prior = dict(gamma=0.6)  # of prior and network together
 ground = None
-self_training = None
+self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
 label_maker = dict(
     type='point_label_maker',
     store='${work_dir}/labels',

@@ -186,7 +186,7 @@ region_prior = dict(
     distance_scale=1.0,  # m: small things of a class stand anywhere
 )
 ground = dict(min_upright=0.95)
-self_training = None
+self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
 label_maker = dict(
     type='point_label_maker',
     store='${work_dir}/labels',

@@ -11,6 +11,8 @@ Four names are added: ``work_dir``, ``config_name``, ``is_demo`` and ``epochs`` 
 training). ``label_refreshes`` becomes a number where a config says None.
 """
 
+import traceback
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -92,10 +94,20 @@ def _read(path: Path) -> Config:
     try:
         with shipped_bases():
             config = Config.fromfile(str(path), import_custom_modules=False)
-    except (SyntaxError, NameError, FileNotFoundError, KeyError, TypeError) as error:
+    except (ConfigError, SyntaxError, NameError, FileNotFoundError, KeyError, TypeError) as error:
+        _close_files(error)
+        if isinstance(error, ConfigError):
+            raise
         raise ConfigError(f'{path}: cannot be read as a config ({type(error).__name__}: {error})') from error
     _refuse_old_names([*_dotted(config), *_dotted(config.get('demo') or {})], f'{path}: ')
     return config
+
+
+def _close_files(error: Exception) -> None:
+    """Close the copy of a config that mmengine leaves open where it cannot be read."""
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', ResourceWarning)
+        traceback.clear_frames(error.__traceback__)
 
 
 def _dotted(values: Mapping[str, Any], prefix: str = '') -> list[str]:
@@ -141,8 +153,8 @@ def _apply(config: Config, options: Mapping[str, Any]) -> None:
         except (TypeError, KeyError) as error:
             parent, _, _ = key.rpartition('.')
             raise ConfigError(
-                f'--cfg-options {key}: {parent} holds no keys of its own; where it is a reference like '
-                "'${name}', change what it refers to"
+                f"--cfg-options {key}: {parent} holds no keys of its own; where it is a reference like '${{name}}', "
+                f'change what it refers to; where it is None, give {parent}._delete_=True first'
             ) from error
 
 

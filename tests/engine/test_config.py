@@ -120,6 +120,13 @@ def test_rounds_and_sigma_are_whole_numbers_from_one(leaf, value):
             load_config(leaf, options={key: value})
 
 
+def test_what_is_off_is_switched_on_with_its_fields(leaf):
+    leaf.write_text(LEAF + 'ground = None\n')
+    with pytest.raises(ConfigError, match=r'ground\.reach: ground holds no keys.*give ground\._delete_=True first'):
+        load_config(leaf, options={'ground.reach': 3})
+    assert load_config(leaf, options={'ground._delete_': True, 'ground.reach': 3}).ground == {'reach': 3}
+
+
 def test_label_refreshes_are_those_that_happen(leaf):
     leaf.write_text(LEAF.replace("label_refreshes = '${rounds}'", 'label_refreshes = None\nwarm_up_rounds = 3'))
     assert load_config(leaf, options={'rounds': 7}).label_refreshes == 5
