@@ -22,7 +22,7 @@ from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 
 def annotated_of(semantic, instance=None, **more):
-    semantic = np.asarray(semantic)
+    semantic = np.asarray(semantic, dtype=np.int64)
     instance = np.full(len(semantic), -1) if instance is None else np.asarray(instance)
     return AnnotatedLabels(semantic, instance, Boxes3D.empty(), **more)
 
