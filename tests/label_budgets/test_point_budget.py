@@ -26,7 +26,7 @@ from rm3d_plugin.structures import Boxes3D
 
 def truth(semantic, instance=None):
     instance = None if instance is None else np.asarray(instance)
-    return Truth(Boxes3D.empty(), np.asarray(semantic), instance)
+    return Truth(Boxes3D.empty(), np.asarray(semantic, dtype=np.int64), instance)
 
 
 def world(scenes=6, points=400, classes=5, seed=0):

@@ -17,8 +17,8 @@ from rm3d_plugin.structures import LabelStatistics
 SEEN = []
 
 
-@ROOT.register_module(name='EntropyLoss', force=True)
-class EntropyLoss(LossTerm):
+@ROOT.register_module(name='SureLoss', force=True)
+class SureLoss(LossTerm):
     """Of another project: predictions should be sure, in every view; a factor is learned."""
 
     needs = ('logits',)
@@ -29,7 +29,7 @@ class EntropyLoss(LossTerm):
 
     def forward(self, batch, outputs, labels):
         SEEN.append((batch, outputs, labels))
-        everywhere = [outputs.logits, *(view.logits(torch.arange(len(view.points))) for view in batch.views)]
+        everywhere = [outputs.logits, *(view.logits() for view in batch.views)]
         each = [-(rows.softmax(1) * rows.log_softmax(1)).sum(1).mean() for rows in everywhere]
         return {'loss_entropy': self.weight * self.scale[0] * torch.stack(each).mean(), 'sure': (-each[0]).exp()}
 
@@ -57,7 +57,7 @@ def two_views(seed=0):
 
 def test_a_loss_of_another_project_is_one_entry():
     SEEN.clear()
-    model = build([dict(type='WeakSupervision'), dict(type='EntropyLoss', weight=0.5)])
+    model = build([dict(type='WeakSupervision'), dict(type='SureLoss', weight=0.5)])
     losses = losses_of(model, [two_views(), two_views(1)])
     assert list(losses) == ['loss_wsl', 'loss_entropy', 'sure']
     ((batch, outputs, labels),) = SEEN
@@ -71,20 +71,20 @@ def test_a_loss_of_another_project_is_one_entry():
     total, told = model.parse_losses(losses)
     assert total.item() == pytest.approx(losses['loss_wsl'].item() + losses['loss_entropy'].item())
     total.backward()
-    assert model.losses['EntropyLoss'].scale.grad.abs() > 0 and 'sure' in told
-    assert 'losses.EntropyLoss.scale' in model.state_dict()
+    assert model.losses['SureLoss'].scale.grad.abs() > 0 and 'sure' in told
+    assert 'losses.SureLoss.scale' in model.state_dict()
 
 
 def test_the_detector_takes_the_same_loss(world):
     torch.manual_seed(0)
-    model = MODELS.build(world.config(losses=[dict(type='EntropyLoss')]))
+    model = MODELS.build(world.config(losses=[dict(type='SureLoss')]))
     item = world.make_scene(0, view=True)
     assert set(losses_of(model, [item])) == {'loss_entropy', 'sure'}
 
 
 def test_a_view_is_computed_when_it_is_asked_for_and_once():
     calls = []
-    for losses in ([dict(type='WeakSupervision')], [dict(type='ViewConsistency'), dict(type='EntropyLoss')]):
+    for losses in ([dict(type='WeakSupervision')], [dict(type='ViewConsistency'), dict(type='SureLoss')]):
         model = build(losses)
         hook = model.backbone.register_forward_hook(lambda *_: calls.append(1))
         losses_of(model, [two_views()])
@@ -126,9 +126,9 @@ def test_a_detector_has_no_points_that_tell_whether_they_are_annotated(world):
 
 
 def test_two_entries_may_not_give_one_name():
-    model = build([dict(type='EntropyLoss'), dict(type='EntropyLoss')])
-    assert list(model.losses) == ['EntropyLoss', 'EntropyLoss_2']
-    with pytest.raises(ValueError, match='EntropyLoss_2 and an entry before it both say loss_entropy, sure'):
+    model = build([dict(type='SureLoss'), dict(type='SureLoss')])
+    assert list(model.losses) == ['SureLoss', 'SureLoss_2']
+    with pytest.raises(ValueError, match='SureLoss_2 and an entry before it both say loss_entropy, sure'):
         losses_of(model, [make_room(0)])
 
 

@@ -39,6 +39,6 @@ class View:
         """What the backbone says of the points."""
         return self._encode(self.points, self.batch_offsets)
 
-    def logits(self, rows: Int[Tensor, ' rows']) -> Float[Tensor, 'rows classes']:
-        """Class scores of some of the points."""
-        return self._classify(self.features[rows])
+    def logits(self, rows: Int[Tensor, ' rows'] | None = None) -> Float[Tensor, 'rows classes']:
+        """Class scores of the points, or of some of them."""
+        return self._classify(self.features if rows is None else self.features[rows])
