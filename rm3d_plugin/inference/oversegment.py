@@ -1,4 +1,4 @@
-"""A scan in, its regions out: what tools/oversegment.py does."""
+"""A scan in, its regions out: what `rm3d oversegment` does."""
 
 import sys
 from collections.abc import Callable, Mapping

@@ -39,7 +39,7 @@ def load_network(checkpoint: str | Path, device: str = 'cpu') -> TrainedNetwork:
     """
     state = read_checkpoint(checkpoint)
     if 'config_json' not in state.get('meta', {}):
-        raise ConfigError(f'{checkpoint}: holds no config; expected a checkpoint written by tools/train.py')
+        raise ConfigError(f'{checkpoint}: holds no config; expected a checkpoint of `rm3d train`')
     config = Config(json.loads(state['meta']['config_json']))
     init_default_scope(SCOPE)
     model = MODELS.build(config.model)

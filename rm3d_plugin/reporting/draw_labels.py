@@ -1,4 +1,4 @@
-"""Draw a label budget and show it: what tools/draw_labels.py does."""
+"""Draw a label budget and show it: what `rm3d draw_labels` does."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping

@@ -241,7 +241,7 @@ class LabelStore:
         if chosen is None:
             raise LabelStoreError(
                 f'{self.root}: the label store has no current round ({self._current_file.name} is missing); '
-                'label the training scenes first (tools/train.py does), or correct label_store'
+                'label the training scenes first (`rm3d train` does), or correct label_store'
             )
         return chosen
 

@@ -1,1 +1,1 @@
-"""Benchmarks behind ``tools/bench.py``: one module a command, each with NAME, HELP, add_arguments and run."""
+"""Benchmarks behind ``rm3d bench``: one module a command, each with NAME, HELP, add_arguments and run."""

@@ -1,4 +1,4 @@
-// What PCL, nanoflann and a linked octree need for the jobs that `tools/bench.py` measures.
+// What PCL, nanoflann and a linked octree need for the jobs that `rm3d bench` measures.
 // pcl_peer JOB POINTS NORMALS N RADIUS K OUT: POINTS, NORMALS: N rows of three float32 (NORMALS may be '-').
 // Prints processor seconds; writes OUT: int32 neighbour counts, float32 descriptor rows or int32 labels.
 #include <cmath>
