@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from tqdm import tqdm
 
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
+from rm3d_plugin.ops.segment import segment_values
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, RegionPriorRules, SceneInputs, SegmentationRules
-from rm3d_plugin.pseudo_labels.common.groups import point_values
 from rm3d_plugin.pseudo_labels.ground.classifier import GroundKnowledge, GroundScene, learn_ground
 from rm3d_plugin.pseudo_labels.ground.labels import GroundLabels, ground_regions
 from rm3d_plugin.pseudo_labels.region_prior.prior import region_prior
@@ -79,7 +79,7 @@ class DatasetKnowledge:
     def _ground_points(self, scene: PreparedScene) -> Bool[np.ndarray, ' points']:
         rules = self._rules.ground
         upright = ground_regions(scene.graph, None if rules is None else rules.min_upright)
-        return point_values(upright, scene.regions.labels, False)
+        return segment_values(upright, scene.regions.labels, False)
 
     def _ground_scenes(self) -> Iterator[GroundScene]:
         for scene_id in tqdm(self._scene_ids, desc='what the ground looks like', leave=False):

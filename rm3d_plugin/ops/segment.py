@@ -1,5 +1,7 @@
 """Sums, means and votes over the points of each segment, and back; a label of -1 takes a point out."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 from numba import njit
@@ -78,6 +80,30 @@ def segment_majority(
     segments, first = np.unique(pairs[order, 0], return_index=True)
     out[segments] = pairs[order[first], 1]
     return out
+
+
+class Majority(NamedTuple):
+    """The most frequent class of each segment, -1 where there is none, and its share of the votes, 0 there."""
+
+    classes: Int[np.ndarray, ' segments']
+    share: Float[np.ndarray, ' segments']
+
+
+def majority_of_counts(counts: Int[np.ndarray, 'segments classes'], frequency: Int[np.ndarray, ' classes']) -> Majority:
+    """:func:`segment_majority` where the classes of each segment are counted already; ties go the same way.
+
+    Args:
+        counts: Points of each class in each segment.
+        frequency: How often each class occurs among the annotated labels of training.
+    """
+    segments, classes = counts.shape
+    # lexsort's last key counts most: frequency in training, then the lower class.
+    rank = np.empty(classes, dtype=np.int64)
+    rank[np.lexsort((-np.arange(classes), frequency))] = np.arange(classes)
+    best = (counts * classes + rank).argmax(axis=1) if classes else np.zeros(segments, dtype=np.int64)
+    total = counts.sum(axis=1)
+    share = (counts[np.arange(segments), best] if classes else total) / np.maximum(total, 1)
+    return Majority(np.where(total > 0, best, -1).astype(np.int64), np.where(total > 0, share, 0.0))
 
 
 def scatter_rows(

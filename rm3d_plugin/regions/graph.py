@@ -91,10 +91,8 @@ def regions_within(xyz: Float[np.ndarray, 'points 3'], regions: Regions, max_gap
     points, labels, keys = points[order], labels[order], keys[order]
     starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]) | (labels[1:] != labels[:-1])])
     low, high = np.minimum.reduceat(points, starts, axis=0), np.maximum.reduceat(points, starts, axis=0)
-    bounds = np.append(starts, len(points))
-    found, squared = _nearest_between_groups(
-        points, labels[starts], keys[starts], bounds, low, high, _neighbor_shifts(span), len(regions), max_gap**2
-    )
+    groups = _Groups(points, labels[starts], keys[starts], np.append(starts, len(points)), low, high)
+    found, squared = _nearest_between_groups(groups, _neighbor_shifts(span), len(regions), max_gap**2)
     order = np.argsort(found)
     found = found[order]
     return RegionGaps(np.stack([found // len(regions), found % len(regions)], axis=1), np.sqrt(squared[order]))
@@ -118,43 +116,56 @@ def _neighbor_shifts(span: Int[np.ndarray, '3']) -> Int[np.ndarray, '27']:
     return (steps[:, 0] * span[1] + steps[:, 1]) * span[2] + steps[:, 2]
 
 
+class _Groups(NamedTuple):
+    """Points of one region in one cell each, sorted by cell: G groups.
+
+    Attributes:
+        points: (P, 3) metres, group by group.
+        labels: (G,) region.
+        keys: (G,) cell.
+        bounds: (G + 1,) where each begins among the points.
+        low: (G, 3) lower corner of its box.
+        high: (G, 3) upper corner.
+    """
+
+    points: np.ndarray
+    labels: np.ndarray
+    keys: np.ndarray
+    bounds: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
 @njit(cache=True)
-def _box_gap(low: np.ndarray, high: np.ndarray, g: int, h: int) -> float:
+def _box_gap(groups: _Groups, g: int, h: int) -> float:
     """Squared distance of two boxes."""
     total = 0.0
     for c in range(3):
-        d = max(low[h, c] - high[g, c], low[g, c] - high[h, c], 0.0)
+        d = max(groups.low[h, c] - groups.high[g, c], groups.low[g, c] - groups.high[h, c], 0.0)
         total += d * d
     return total
 
 
 @njit(cache=True)
-def _point_gap(points: np.ndarray, bounds: np.ndarray, g: int, h: int, best: float) -> float:
+def _point_gap(groups: _Groups, g: int, h: int, best: float) -> float:
     """Least squared distance between the points of two groups, or ``best`` if none is nearer."""
-    for p in range(bounds[g], bounds[g + 1]):
-        for q in range(bounds[h], bounds[h + 1]):
+    for p in range(groups.bounds[g], groups.bounds[g + 1]):
+        for q in range(groups.bounds[h], groups.bounds[h + 1]):
             d = 0.0
             for c in range(3):
-                d += (points[p, c] - points[q, c]) ** 2
+                d += (groups.points[p, c] - groups.points[q, c]) ** 2
             best = min(best, d)
     return best
 
 
 @njit(cache=True)
 def _nearest_between_groups(
-    points: np.ndarray,
-    labels: np.ndarray,
-    keys: np.ndarray,
-    bounds: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    shifts: np.ndarray,
-    count: int,
-    limit: float,
+    groups: _Groups, shifts: np.ndarray, count: int, limit: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Best squared gap of each pair of regions (as i * count + j, i < j) that is within the limit."""
     best = Dict.empty(key_type=types.int64, value_type=types.float64)
     beyond = np.nextafter(limit, np.inf)
+    labels, keys = groups.labels, groups.keys
     for g in range(len(keys)):
         for shift in shifts:
             h = np.searchsorted(keys, keys[g] + shift)
@@ -162,8 +173,8 @@ def _nearest_between_groups(
                 if labels[h] > labels[g]:
                     pair = labels[g] * count + labels[h]
                     known = best.get(pair, beyond)
-                    if _box_gap(low, high, g, h) < known:
-                        gap = _point_gap(points, bounds, g, h, known)
+                    if _box_gap(groups, g, h) < known:
+                        gap = _point_gap(groups, g, h, known)
                         if gap < known:
                             best[pair] = gap
                 h += 1

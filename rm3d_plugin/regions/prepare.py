@@ -85,7 +85,6 @@ def prepare_scene(
     graph_neighbors: int = 8,
     max_gap: float | None = None,
     seeds: Int[np.ndarray, ' seeds'] | None = None,
-    normal_neighbors: int = 20,
     name: str = 'scene',
 ) -> PreparedScene:
     """Ground off, normals, descriptor, over-segmentation, graph (METHOD 2, 3, 5, 6).
@@ -99,7 +98,6 @@ def prepare_scene(
         graph_neighbors: Adjacent regions that each region keeps.
         max_gap: Metres between adjacent regions; see :func:`rm3d_plugin.regions.graph.build_region_graph`.
         seeds: Numbers of labelled points, or None.
-        normal_neighbors: Neighbours for normals and curvature.
         name: Of the scene; for warnings, and for an over-segmenter that reads a file of each scene.
 
     Returns:
@@ -111,7 +109,7 @@ def prepare_scene(
     """
     cloud = _usable_channels(cloud, name)
     kept = np.flatnonzero(~oversegmenter.find_ground(cloud))
-    rest = with_normals(cloud.select(kept), normal_neighbors)
+    rest = with_normals(cloud.select(kept))
     descriptors = descriptor.compute(rest)
     _tell_undescribed(descriptors, len(cloud), type(descriptor).__name__, name)
     labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)), name)

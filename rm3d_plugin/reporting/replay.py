@@ -15,6 +15,7 @@ from mmengine.registry import init_default_scope
 from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.labeling.sources import LabelSource
+from rm3d_plugin.ops.segment import segment_values
 from rm3d_plugin.pseudo_labels.common.assembly import (
     Grouped,
     keep_previous,
@@ -22,7 +23,7 @@ from rm3d_plugin.pseudo_labels.common.assembly import (
     limit_new_labels,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.common.groups import point_values, without_doubtful
+from rm3d_plugin.pseudo_labels.common.groups import without_doubtful
 from rm3d_plugin.pseudo_labels.common.inputs import RoundContext
 from rm3d_plugin.pseudo_labels.common.ledger import extreme_merges, sentence
 from rm3d_plugin.pseudo_labels.common.record import RefreshRecord
@@ -153,13 +154,13 @@ def decide_again(
     groups = record.label(result.group, rules.merge.gamma)
     if record.class_gamma is not None:
         groups = without_doubtful(groups, record.class_gamma)
-    points = point_values(result.group, record.point_region, -1)
-    ranges = point_values(record.ranges, record.point_region, 0.0)
+    points = segment_values(result.group, record.point_region, -1)
+    ranges = segment_values(record.ranges, record.point_region, 0.0)
     grouped = Grouped(result, groups, points, ranges, record)
     grouped = limit_new_labels(grouped, RoundContext(record.round, rules, record.class_counts))
     labels = keep_previous(labels_of_groups(grouped), previous, supported_points(previous, grouped, rules.merge))
     if record.named is not None:
-        named = point_values(record.named, record.point_region, False)
+        named = segment_values(record.named, record.point_region, False)
         labels = labels.overlay(named, stored.semantic, labels.confidence)
     labels = labels.overlay(stored.point_is_annotated, stored.semantic, 1.0)
     return Decided(result, labels.semantic)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from rm3d_plugin.ops.segment import (
+    majority_of_counts,
     scatter_rows,
     segment_majority,
     segment_mean,
@@ -39,6 +40,18 @@ def test_majority_ties_go_to_the_more_frequent_value_first():
     assert segment_majority(values, labels, 5, np.array([5, 9, 9])).tolist() == [1, 1, 2, 0, -1]
     with pytest.raises(ValueError, match='frequency of 2 values, but there is 2'):
         segment_majority(values, labels, 5, np.array([5, 9]))
+
+
+def test_counted_classes_have_the_same_majority():
+    rng = np.random.default_rng(0)
+    values, labels, frequency = rng.integers(-1, 4, 300), rng.integers(-1, 60, 300), np.array([3, 8, 8, 1])
+    used = (values >= 0) & (labels >= 0)
+    counts = np.bincount(labels[used] * 4 + values[used], minlength=61 * 4).reshape(61, 4)
+    found = majority_of_counts(counts, frequency)
+    np.testing.assert_array_equal(found.classes, segment_majority(values, labels, 61, frequency))
+    assert (np.sort(counts, axis=1)[:, -1] == np.sort(counts, axis=1)[:, -2])[counts.any(axis=1)].sum() > 5  # ties
+    np.testing.assert_allclose(found.share, counts.max(axis=1) / np.maximum(counts.sum(axis=1), 1))
+    assert found.classes[60] == -1 and found.share[60] == 0
 
 
 def test_scatter_and_back():

@@ -122,7 +122,7 @@ def test_other_thresholds_give_what_a_refresh_with_them_gives(run, changes):
     np.testing.assert_array_equal(got.semantic, want.labels.semantic)
 
 
-def test_the_round_is_compared_and_judged(run):
+def test_the_round_is_compared_and_scored(run):
     store, patches = run
     chosen = RoundOfLabels(store.root, 2, source=Scenes(patches))
     same = chosen.replay({'gamma': MERGE.gamma})

@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 
-from rm3d_plugin.storage import DamagedFileError, LabelStore, LabelStoreError, write_npz
+from rm3d_plugin.storage import DamagedFileError, LabelStore, LabelStoreError, read_npz, write_npz
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 
@@ -144,12 +144,34 @@ def test_damage_is_named(store):
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(DamagedFileError, match=r'round_000/a\.npz'):
         store.read('a')
-    write_npz(path, {'semantic': np.zeros(3)})
+    write_npz(path, {'semantic': np.zeros(3), 'format': np.array(2)})
     with pytest.raises(DamagedFileError, match='scene a, round 0: .* holds no labels'):
         store.read('a')
     (store.root / 'current.json').write_text('[]')
     with pytest.raises(DamagedFileError, match=r'current\.json: expected'):
         store.current_round()
+
+
+def test_files_of_another_format_are_refused(store):
+    write_round(store, 0, 5)
+    path = store.scene_path(0, 'a')
+    now = read_npz(path)
+    for old in ({k: v for k, v in now.items() if k != 'format'}, now | {'format': np.array(1)}):
+        write_npz(path, old)
+        with pytest.raises(
+            LabelStoreError, match=r'a\.npz: has format 1, this version reads 2; train again in another'
+        ):
+            store.read('a', 0)
+
+
+def test_what_is_kept_outlasts_rounds_and_is_replaced(store):
+    assert store.read_kept('region_prior', 'a/b') is None
+    for value in (1.0, 2.0):
+        store.keep('region_prior', 'a/b', {'prior': np.full((2, 3), value)})
+        assert store.read_kept('region_prior', 'a/b')['prior'].tolist() == [[value] * 3] * 2
+    store.begin_round(0)
+    store.begin_round(0, overwrite=True)
+    assert store.read_kept('region_prior', 'a/b') is not None and store.read_kept('other', 'a/b') is None
 
 
 def test_finishing_checks_every_file(store):

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.ops.segment import segment_majority, segment_values
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, Regions
 
 BOX_SHELL = 0.3  # m; what is this near an annotated box but not in it is background
@@ -112,41 +113,30 @@ class RegionAnnotation(NamedTuple):
     instances: Int[np.ndarray, ' regions']
 
 
-def annotated_regions(regions: Regions, points: PointAnnotation, min_share: float) -> RegionAnnotation:
+def annotated_regions(
+    regions: Regions, points: PointAnnotation, class_counts: Int[np.ndarray, ' classes'], min_share: float
+) -> RegionAnnotation:
     """Class and instance of the regions that hold annotated labels.
 
     Args:
         regions: Partition of the scene.
         points: What is annotated of the points.
+        class_counts: How often each class is annotated in the whole training set.
         min_share: Share of a region's points that labels which do not propagate must cover to name the region; labels
             that do (seeds) name it however few they are.
 
     Returns:
-        The most frequent class (tie: the lowest) and, among its points, the most frequent instance.
+        The most frequent class (tie: the more frequent in training, then the lowest; METHOD 1) and, among its points,
+        the most frequent instance.
     """
     count = len(regions)
     covered = np.bincount(regions.labels[(regions.labels >= 0) & (points.semantic >= 0)], minlength=count)
     seeded = np.bincount(regions.labels[(regions.labels >= 0) & (points.seeds >= 0)], minlength=count) > 0
     named = seeded | ((covered > 0) & (covered >= min_share * regions.sizes))
-    labels = np.where(named, _mode(regions.labels, points.semantic, count), UNLABELLED)
-    same = points.semantic == np.append(labels, -2)[regions.labels]
-    instances = _mode(regions.labels, np.where(same, points.instance, -1), count)
+    labels = np.where(named, segment_majority(points.semantic, regions.labels, count, class_counts), UNLABELLED)
+    same = points.semantic == segment_values(labels, regions.labels, missing=-2)
+    instances = segment_majority(np.where(same, points.instance, -1), regions.labels, count)
     return RegionAnnotation(labels, np.where(named, instances, -1))
-
-
-def _mode(
-    groups: Int[np.ndarray, ' points'], values: Int[np.ndarray, ' points'], count: int
-) -> Int[np.ndarray, ' groups']:
-    """Most frequent value >= 0 of each group, lowest on a tie; -1 where there is none."""
-    out = np.full(count, -1, dtype=np.int64)
-    used = (groups >= 0) & (values >= 0)
-    if used.any():
-        pairs, votes = np.unique(np.stack([groups[used], values[used]], axis=1), axis=0, return_counts=True)
-        order = np.lexsort((pairs[:, 1], -votes, pairs[:, 0]))
-        _, first = np.unique(pairs[order, 0], return_index=True)
-        winners = pairs[order[first]]
-        out[winners[:, 0]] = winners[:, 1]
-    return out
 
 
 class RegionClassPairs(NamedTuple):

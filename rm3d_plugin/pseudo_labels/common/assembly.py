@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.ops.segment import segment_values
 from rm3d_plugin.pseudo_labels.common.annotated import PointAnnotation, annotated_regions
 from rm3d_plugin.pseudo_labels.common.groups import (
     GroupLabels,
     Pooled,
     count_votes,
-    point_values,
     pool_rows,
     seen_rows,
 )
@@ -110,12 +110,12 @@ def group_regions(
         pooled: What each region is likely to be.
     """
     regions, graph, rules = scene.geometry.regions, scene.geometry.graph, round.rules.merge
-    known = annotated_regions(regions, annotation, BOX_REGION_SHARE)
+    known = annotated_regions(regions, annotation, round.class_counts, BOX_REGION_SHARE)
     evidence = RegionEvidence(pooled.values, known.labels, known.instances, pool_centers(scene))
     result = merge(graph, evidence, rules, round.number)
     record = _record(scene, round, annotation, pooled, evidence)
     groups = record.label(result.group, rules.gamma)
-    points = point_values(result.group, regions.labels, -1)
+    points = segment_values(result.group, regions.labels, -1)
     return Grouped(result, groups, points, sensor_ranges(scene.geometry.cloud), record)
 
 
@@ -169,8 +169,8 @@ def limit_new_labels(grouped: Grouped, round: RoundContext[CommonRules]) -> Grou
 def labels_of_groups(grouped: Grouped) -> LabelAssembly:
     """Every point takes the label of its group."""
     return LabelAssembly(
-        point_values(grouped.groups.classes, grouped.points, UNLABELLED),
-        point_values(grouped.groups.confidence, grouped.points, 0.0).astype(np.float32),
+        segment_values(grouped.groups.classes, grouped.points, UNLABELLED),
+        segment_values(grouped.groups.confidence, grouped.points, 0.0).astype(np.float32),
     )
 
 
@@ -186,8 +186,8 @@ def supported_points(
     groups, classes = grouped.groups, np.maximum(previous.semantic, 0)
     table = np.vstack([groups.probabilities, np.full((1, groups.probabilities.shape[1]), np.nan)])
     lost = table[grouped.points, classes] < rules.gamma - rules.demote_margin  # NaN: no evidence against it
-    annotated = point_values(groups.from_annotation, grouped.points, False)
-    agrees = point_values(groups.classes, grouped.points, UNLABELLED) == previous.semantic
+    annotated = segment_values(groups.from_annotation, grouped.points, False)
+    agrees = segment_values(groups.classes, grouped.points, UNLABELLED) == previous.semantic
     return np.asarray(labelled & (~lost | (annotated & agrees)))
 
 

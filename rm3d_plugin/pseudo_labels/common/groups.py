@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
+from rm3d_plugin.ops.segment import majority_of_counts, segment_values
 from rm3d_plugin.regions.rules import Pooling
 from rm3d_plugin.structures import UNLABELLED
 
@@ -85,40 +86,6 @@ def count_votes(
     return votes.reshape(count, classes)
 
 
-def majority_of_votes(
-    votes: Int[np.ndarray, 'groups classes'], class_counts: Int[np.ndarray, ' classes']
-) -> tuple[Int[np.ndarray, ' groups'], Float[np.ndarray, ' groups']]:
-    """Winner of each group and its share; see :func:`majority`."""
-    count, classes = votes.shape
-    # lexsort's last key counts most: votes, then training frequency, then the lower class.
-    rank = np.empty(classes, dtype=np.int64)
-    rank[np.lexsort((-np.arange(classes), class_counts))] = np.arange(classes)
-    best = (votes * classes + rank).argmax(axis=1) if classes else np.zeros(count, dtype=np.int64)
-    total = votes.sum(axis=1)
-    share = (votes[np.arange(count), best] if classes else total) / np.maximum(total, 1)
-    return np.where(total > 0, best, UNLABELLED).astype(np.int64), np.where(total > 0, share, 0.0)
-
-
-def majority(
-    labels: Int[np.ndarray, ' points'],
-    groups: Int[np.ndarray, ' points'],
-    count: int,
-    class_counts: Int[np.ndarray, ' classes'],
-) -> tuple[Int[np.ndarray, ' groups'], Float[np.ndarray, ' groups']]:
-    """Most frequent label of each group and its share; tie: the class more frequent in training, then the lower one.
-
-    Args:
-        labels: Class of each point, -1 = no vote.
-        groups: Group of each point, -1 = none.
-        count: Number of groups.
-        class_counts: How often each class occurs among the annotated training labels.
-
-    Returns:
-        (G,) int64 class, -1 where nobody voted, and (G,) share of the votes, 0 where nobody voted.
-    """
-    return majority_of_votes(count_votes(labels, groups, count, len(class_counts)), class_counts)
-
-
 def label_groups(
     group: Int[np.ndarray, ' regions'],
     pooled: Pooled,
@@ -138,7 +105,7 @@ def label_groups(
     count = int(group.max(initial=-1)) + 1
     summed = np.zeros((count, votes.shape[1]), dtype=np.int64)
     np.add.at(summed, group, votes)
-    voted, share = majority_of_votes(summed, class_counts)
+    voted, share = majority_of_counts(summed, class_counts)
     weights = pooled.seen.astype(np.float64)
     total = np.bincount(group, weights=weights, minlength=count)
     filled = np.nan_to_num(pooled.values) * weights[:, None]
@@ -162,11 +129,6 @@ def without_doubtful(groups: GroupLabels, class_gamma: Float[np.ndarray, ' class
     return groups._replace(
         classes=np.where(doubtful, UNLABELLED, groups.classes), confidence=np.where(doubtful, 0.0, groups.confidence)
     )
-
-
-def point_values(values: np.ndarray, labels: Int[np.ndarray, ' points'], missing: float) -> np.ndarray:
-    """The value of each point's region (or group); ``missing`` for points of none."""
-    return np.append(values, np.array([missing], dtype=values.dtype))[labels]
 
 
 def nearest_instances(
@@ -221,5 +183,5 @@ def confident_parts(
     peak = np.nan_to_num(pooled).max(axis=1, initial=0.0)
     classes = np.where(peak >= gamma, np.nan_to_num(pooled).argmax(axis=1) if pooled.size else 0, UNLABELLED)
     inside = np.where(part, region_labels, -1)
-    found = point_values(classes.astype(np.int64), inside, UNLABELLED)
-    return found, np.where(found >= 0, point_values(peak, inside, 0.0), 0.0)
+    found = segment_values(classes.astype(np.int64), inside, UNLABELLED)
+    return found, np.where(found >= 0, segment_values(peak, inside, 0.0), 0.0)

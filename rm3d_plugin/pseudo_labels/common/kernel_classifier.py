@@ -29,7 +29,7 @@ class Scaling(NamedTuple):
     scale: Float[np.ndarray, ' features']
     weights: Float[np.ndarray, ' features']
 
-    def apply(self, rows: Float[np.ndarray, 'rows features']) -> Float[np.ndarray, 'rows features']:
+    def apply(self, rows: Float[np.ndarray, 'rows features']) -> Float[np.ndarray, 'rows live']:
         """Deviations, clipped, times the root of their weights, in single precision; constant columns are left out."""
         live = self.scale > 0
         scaled = ((rows[:, live] - self.middle[live]) * self.scale[live]).clip(-CLIP, CLIP)

@@ -42,13 +42,13 @@ def range_normalised_intensity(scenes: Iterable[tuple[PointCloud, Bool[np.ndarra
     """Mean strength by range over all scenes.
 
     Args:
-        scenes: Points of each, and which of them are level.
+        scenes: Points of each, and which of them are ground.
     """
     sums = np.zeros((3, len(RANGES) - 1))
-    for cloud, level in scenes:
+    for cloud, ground in scenes:
         strength = intensity_of(cloud)
         if strength is not None:
-            sums += intensity_sums(np.linalg.norm(seen_from_sensor(cloud)[level], axis=1), strength[level])
+            sums += intensity_sums(np.linalg.norm(seen_from_sensor(cloud)[ground], axis=1), strength[ground])
     return intensity_by_range(sums)
 
 

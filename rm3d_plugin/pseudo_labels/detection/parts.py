@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.pseudo_labels.common.groups import GroupLabels, point_values, pool_rows
+from rm3d_plugin.ops.segment import segment_values
+from rm3d_plugin.pseudo_labels.common.groups import GroupLabels, pool_rows
 from rm3d_plugin.structures import UNLABELLED
 
 
@@ -47,8 +48,8 @@ def split_mixed(
     """
     best = np.nan_to_num(probabilities).argmax(axis=1)
     sure = np.nan_to_num(probabilities[np.arange(len(best)), best]) >= limits.gamma
-    closed = point_values(groups.from_annotation, point_groups, True)  # annotated labels decided; or no region at all
-    other = point_values(groups.classes, point_groups, UNLABELLED) != best
+    closed = segment_values(groups.from_annotation, point_groups, True)  # annotated labels decided; or no region at all
+    other = segment_values(groups.classes, point_groups, UNLABELLED) != best
     inside = np.flatnonzero(sure & other & ~closed.astype(bool))
     pairs, part, size = np.unique(
         np.stack([region_labels[inside], best[inside]], axis=1), axis=0, return_inverse=True, return_counts=True

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.ops.segment import segment_values
 from rm3d_plugin.pseudo_labels.common.annotated import AnnotatedLabels, PointAnnotation, points_of_boxes
 from rm3d_plugin.pseudo_labels.common.assembly import (
     Grouped,
@@ -18,7 +19,7 @@ from rm3d_plugin.pseudo_labels.common.assembly import (
     pool_predictions,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.common.groups import point_values, seen_rows, without_doubtful
+from rm3d_plugin.pseudo_labels.common.groups import seen_rows, without_doubtful
 from rm3d_plugin.pseudo_labels.common.inputs import RoundContext, SceneInputs
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.detection.boxes import geometric_background, region_tops, robust_extents
@@ -150,13 +151,13 @@ def _background_points(
 ) -> _Background:
     regions, sizes, height = scene.geometry.regions, knowledge.mean_sizes, knowledge.height
     large = geometric_background(robust_extents(scene.xyz, regions), None, sizes, rules.background_ratio)
-    of_large = point_values(large, regions.labels, False).astype(bool)
+    of_large = segment_values(large, regions.labels, False).astype(bool)
     surely = np.zeros(len(scene.xyz), dtype=bool)
     if height is not None:
         flat = np.zeros((len(regions), 3))
         tall = geometric_background(flat, region_tops(height, regions), sizes, rules.background_ratio)
         ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
-        surely = point_values(tall, regions.labels, False).astype(bool) | ground
+        surely = segment_values(tall, regions.labels, False).astype(bool) | ground
     free = annotation.seeds < 0
     return _Background((surely & free) | annotation.shell, of_large & free)
 

@@ -1,1 +1,1 @@
-"""Classes of level ground."""
+"""Classes of the ground."""

@@ -1,4 +1,4 @@
-"""Level ground: road and pavement lie in one plane, and no region ends where they meet, but for a step of the kerb."""
+"""Ground: road and pavement lie in one plane, and no region ends where they meet, but for a step of the kerb."""
 
 from typing import NamedTuple
 

@@ -70,7 +70,7 @@ class RegionRows(NamedTuple):
         return RegionRows(*(part[rows] for part in self))
 
     def columns(self, usual: IntensityByRange) -> Float[np.ndarray, 'regions columns']:
-        """Looks, brightness and its deviation, points a square metre and in all as if seen from 1 m, range, aside.
+        """Features, brightness and its deviation, points a square metre and in all as if seen from 1 m, range, aside.
 
         Args:
             usual: Strength by range, over which brightness is taken.

@@ -66,7 +66,8 @@ def region_statistics(
                 yield prior_features(scene.cloud, scene.regions, scene.graph), classes, scene.graph.sizes
 
     examples = collect_examples(annotated_rows())
-    classes, lengths = (np.concatenate([np.zeros(0), *part]) for part in zip(*seeds, strict=True))
+    classes = np.concatenate([np.zeros(0, dtype=np.int64), *(own for own, _ in seeds)])
+    lengths = np.concatenate([np.zeros(0), *(length for _, length in seeds)])
     usual = usual_lengths(classes, lengths, count)
     learnt = collector.learn(usual, None if rules is None else rules.distance_scale)
     if learnt is not None:

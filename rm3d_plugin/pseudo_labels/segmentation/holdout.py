@@ -32,7 +32,7 @@ class Holdout:
 
 @dataclass(frozen=True, eq=False)
 class HoldoutErrors:
-    """Kept-aside points by the class that the pseudo labels give them; scenes add up.
+    """Holdout points by the class that the pseudo labels give them; scenes add up.
 
     Attributes:
         compared: (C,) int64 of them, points with a pseudo label of the class.

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.ops.segment import segment_values
 from rm3d_plugin.pseudo_labels.common.annotated import PointAnnotation, annotated_points
 from rm3d_plugin.pseudo_labels.common.assembly import (
     Grouped,
@@ -16,7 +17,7 @@ from rm3d_plugin.pseudo_labels.common.assembly import (
     pool_predictions,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.common.groups import Pooled, nearest_instances, point_values
+from rm3d_plugin.pseudo_labels.common.groups import Pooled, nearest_instances
 from rm3d_plugin.pseudo_labels.common.inputs import RoundContext, SceneInputs
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.ground.labels import GroundLabels, ground_regions, nearest_ground_labels
@@ -115,7 +116,7 @@ def _ground(
 ) -> _Ground:
     """What is ground, and what its points are: as a classifier has it, else by the nearest annotated ones."""
     regions = ground_regions(scene.geometry.graph, None if rules is None else rules.min_upright)
-    points = point_values(regions, scene.geometry.regions.labels, False)
+    points = segment_values(regions, scene.geometry.regions.labels, False)
     if known is not None:
         return _Ground(regions, points, known)
     if not (points & speaking.known).any():  # nobody names them: they belong to their groups

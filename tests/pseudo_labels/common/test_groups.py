@@ -12,7 +12,6 @@ from rm3d_plugin.pseudo_labels.common.annotated import (
 from rm3d_plugin.pseudo_labels.common.groups import (
     count_votes,
     label_groups,
-    majority,
     nearest_instances,
     pool_rows,
     seen_rows,
@@ -38,14 +37,6 @@ def test_pooling():
     assert largest.values[0] == pytest.approx([0.6 / 1.4, 0.8 / 1.4])
     assert np.isnan(largest.values[2]).all()
     assert pool_rows(np.zeros((0, 2)), np.zeros(0, bool), np.zeros(0, int), 0).values.shape == (0, 2)
-
-
-def test_majority_breaks_ties_by_frequency_then_by_the_lower_class():
-    labels = np.array([0, 1, 1, 0, 2, -1, 2, 1, 2])
-    groups = np.array([0, 0, 1, 1, 1, 1, 2, 2, 2])
-    classes, share = majority(labels, groups, 4, np.array([5, 9, 9]))
-    assert classes.tolist() == [1, 1, 2, -1]  # 0-1 tie: 1 is more frequent; 0-1-2 tie: 1 before 2; majority
-    assert share == pytest.approx([0.5, 1 / 3, 2 / 3, 0])
 
 
 def test_rules_a_b_c():
@@ -112,9 +103,20 @@ def test_a_region_is_named_by_a_box_that_holds_most_of_it_or_by_any_seed():
     semantic = np.array([1, 1, -1, 1, -1, -1, 2, -1, -1])
     instance = np.array([0, 0, -1, 0, -1, -1, -1, -1, -1])
     seeds = np.array([-1] * 6 + [2, -1, -1])
-    known = annotated_regions(regions, PointAnnotation(semantic, instance, seeds, np.zeros(9, bool)), 0.5)
+    known = annotated_regions(
+        regions, PointAnnotation(semantic, instance, seeds, np.zeros(9, bool)), np.array([0, 4, 4]), 0.5
+    )
     assert known.labels.tolist() == [1, -1, 2]
     assert known.instances.tolist() == [0, -1, -1]
+
+
+def test_a_tie_names_a_region_by_the_class_that_training_has_more_of():
+    regions = Regions(np.array([0, 0, 1, 1, 1]))
+    semantic = np.array([0, 1, 2, 1, -1])
+    points = PointAnnotation(semantic, np.array([3, 5, 7, 9, -1]), semantic, np.zeros(5, bool))
+    known = annotated_regions(regions, points, np.array([5, 9, 9]), 0.5)
+    assert known.labels.tolist() == [1, 1] and known.instances.tolist() == [5, 9]
+    assert annotated_regions(regions, points, np.array([9, 5, 9]), 0.5).labels.tolist() == [0, 2]
 
 
 def test_annotated_labels_are_checked():

@@ -1,11 +1,15 @@
 """Real street scans, nothing annotated, a network that is right: how many objects become good pseudo boxes."""
 
+from functools import reduce
+from operator import add
+
 import numpy as np
 import pytest
 from reference.kitti_frames import frames, read_frame
 
 from rm3d_plugin.datasets.kitti_format import objects_to_boxes, read_calib, read_objects
 from rm3d_plugin.descriptors.adapted_pfh import AdaptedPFH
+from rm3d_plugin.evaluation.functional import BoxMatch, SceneTruth, count_pseudo_labels, pseudo_label_scores
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.oversegmentation.region_growing import RegionGrowing
@@ -16,8 +20,6 @@ from rm3d_plugin.pseudo_labels import (
     PointPrediction,
     RoundContext,
     SceneInputs,
-    SceneTruth,
-    pseudo_report,
     refresh_detection,
 )
 from rm3d_plugin.regions import MergeRules
@@ -25,6 +27,7 @@ from rm3d_plugin.regions.prepare import prepare_scene
 from rm3d_plugin.structures import PointCloud
 
 CLASSES = ('Car', 'Pedestrian', 'Cyclist')
+MATCH = BoxMatch((0.5, 0.25, 0.25), 'bev')
 SIZES = np.array([[3.9, 1.6, 1.56], [0.8, 0.6, 1.73], [1.76, 0.6, 1.73]])
 
 
@@ -62,10 +65,10 @@ def test_right_predictions_become_good_boxes(real_data):
             context = RoundContext(number, rules, np.array([10, 2, 2]))
             objects = ObjectKnowledge(SIZES, segment_ground(xyz).height)
             previous = refresh_detection(known, context, objects).labels
-        scenes.append((previous, SceneTruth(truth, boxes, np.hypot(xyz[:, 0], xyz[:, 1]))))
-    report = pseudo_report(scenes, (*CLASSES, 'background'), (0.5, 0.25, 0.25), 'bev').as_dict()
-    assert report['coverage'] > 0.95 and report['precision'] > 0.98
-    recall = [report['boxes'][name]['recall'] for name in CLASSES]
-    precision = [report['boxes'][name]['precision'] for name in CLASSES]
+        scenes.append(count_pseudo_labels(previous, SceneTruth(truth, boxes=boxes), len(CLASSES) + 1, match=MATCH))
+    counts = reduce(add, scenes)
+    scores, boxes = pseudo_label_scores(counts), counts.boxes
+    assert scores.coverage > 0.95 and scores.precision > 0.98
+    recall, precision = boxes.correct / boxes.present, boxes.correct / boxes.given
     assert recall[0] > 0.8 and recall[1] > 0.7 and recall[2] == 1.0
     assert precision[0] > 0.85 and precision[1] > 0.9 and precision[2] == 1.0

@@ -22,7 +22,7 @@ from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 
 def annotated_of(semantic, instance=None, **more):
-    semantic = np.asarray(semantic)
+    semantic = np.asarray(semantic, dtype=np.int64)
     instance = np.full(len(semantic), -1) if instance is None else np.asarray(instance)
     return AnnotatedLabels(semantic, instance, Boxes3D.empty(), **more)
 
@@ -62,7 +62,7 @@ def test_nothing_is_kept_aside_of_few_points_or_complete_scenes():
     assert len(split_holdout(annotated_of([0, 1, 2, -1]), 0.5, rng()).points) == 0
     assert len(split_holdout(annotated_of([0] * 50, complete=True), 0.5, rng()).points) == 0
     assert len(split_holdout(annotated_of([0] * 50), 0.0, rng()).points) == 0
-    assert len(split_holdout(annotated_of([]), 0.5, rng()).points) == 0
+    assert len(split_holdout(annotated_of(np.zeros(0, dtype=int)), 0.5, rng()).points) == 0
     with pytest.raises(ValueError, match=r'share: expected a number in \[0, 1\), got 1'):
         split_holdout(annotated_of([0]), 1, rng())
 
