@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from numba import njit
 
 from rm3d_plugin.datasets.synthetic.road_users import pick
+from rm3d_plugin.datasets.synthetic.texture import smooth_noise
 
 Rgb = tuple[float, float, float]
 PLAIN, STRIPES, TILES, GRAIN, BLOTCHES, CHECKS = range(6)
@@ -174,35 +175,6 @@ def shaded_colors(
 
 
 @njit(cache=True)
-def _hash(x: int, y: int, z: int) -> Any:
-    """A number in [0, 1) for each cell of the integer grid."""
-    h = (
-        np.uint64(x & 0x1FFFFF)
-        | (np.uint64(y & 0x1FFFFF) << np.uint64(21))
-        | (np.uint64(z & 0x1FFFFF) << np.uint64(42))
-    )
-    h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    h = h ^ (h >> np.uint64(31))
-    return np.float64(h >> np.uint64(11)) / 9007199254740992.0
-
-
-@njit(cache=True)
-def _noise(x: float, y: float, z: float) -> Any:
-    """Smooth noise in [0, 1) with features of length 1."""
-    i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
-    u, v, w = x - i, y - j, z - k
-    u, v, w = u * u * (3 - 2 * u), v * v * (3 - 2 * v), w * w * (3 - 2 * w)
-    total = 0.0
-    for a in range(2):
-        for b in range(2):
-            for c in range(2):
-                share = (u if a else 1 - u) * (v if b else 1 - v) * (w if c else 1 - w)
-                total += share * _hash(i + a, j + b, k + c)
-    return total
-
-
-@njit(cache=True)
 def _blend(x: float, y: float, z: float, pattern: int, scale: float, axis: int) -> Any:
     """How far a pattern has gone from the first to the second colour."""
     if pattern == 1:
@@ -216,9 +188,9 @@ def _blend(x: float, y: float, z: float, pattern: int, scale: float, axis: int) 
         return 0.0
     if pattern == 3:
         sx, sy, sz = (0.1 if axis == 0 else 1.0), (0.1 if axis == 1 else 1.0), (0.1 if axis == 2 else 1.0)
-        return _noise(x / scale * sx, y / scale * sy, z / scale * sz)
+        return smooth_noise(x / scale * sx, y / scale * sy, z / scale * sz)
     if pattern == 4:
-        value = _noise(x / scale, y / scale, z / scale) + 0.4 * _noise(
+        value = smooth_noise(x / scale, y / scale, z / scale) + 0.4 * smooth_noise(
             2.7 * x / scale, 2.7 * y / scale, 2.7 * z / scale
         )
         return min(max(2.5 * (value - 0.45), 0.0), 1.0)
@@ -235,7 +207,7 @@ def _shaded(points: Any, normals: Any, material: Any, materials: Any, lights: An
         m = materials[material[i]]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         t = _blend(x, y, z, int(m[6]), m[7], int(m[8]))
-        grain = 0.94 + 0.12 * _noise(x / 0.06, y / 0.06, z / 0.06)
+        grain = 0.94 + 0.12 * smooth_noise(x / 0.06, y / 0.06, z / 0.06)
         for c in range(3):
             light = ambient
             for k in range(lights.shape[0]):
