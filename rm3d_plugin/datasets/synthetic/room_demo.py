@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-ROOMS_VERSION = 3  # raise whenever the bytes of a room change
+ROOMS_VERSION = 4  # raise whenever the bytes of a room change
 MARKER = 'demo.json'
 PARTIAL = '.partial'
 

@@ -18,15 +18,17 @@ from rm3d_plugin.datasets.synthetic.shapes import cos_sin
 
 # Metres: length, width, height.
 _SIZES = {
-    'office': ((3.0, 4.4), (2.7, 3.8), (2.4, 2.8)),
-    'bedroom': ((3.1, 4.2), (2.9, 3.7), (2.4, 2.7)),
-    'kitchen': ((2.8, 4.0), (2.4, 3.3), (2.4, 2.7)),
-    'bathroom': ((2.3, 3.2), (1.9, 2.7), (2.3, 2.6)),
-    'living': ((3.6, 4.8), (3.2, 4.2), (2.4, 2.8)),
-    'studio': ((4.2, 5.2), (3.5, 4.3), (2.4, 2.7)),
-    'conference': ((4.0, 6.0), (3.2, 4.4), (2.5, 3.0)),
-    'hallway': ((4.8, 7.5), (1.5, 2.3), (2.4, 2.9)),
+    'office': ((5.2, 7.2), (3.0, 4.0), (2.4, 2.8)),
+    'bedroom': ((5.0, 6.6), (3.1, 3.9), (2.4, 2.7)),
+    'kitchen': ((5.0, 6.6), (2.5, 3.3), (2.4, 2.7)),
+    'bathroom': ((4.8, 5.8), (1.9, 2.6), (2.3, 2.6)),
+    'living': ((5.8, 7.8), (3.3, 4.2), (2.4, 2.8)),
+    'studio': ((6.0, 8.0), (3.3, 4.1), (2.4, 2.7)),
+    'conference': ((5.6, 8.0), (3.2, 4.0), (2.5, 3.0)),
+    'hallway': ((6.5, 9.5), (1.5, 2.1), (2.4, 2.9)),
 }
+
+CLUTTER = (0.35, 0.9)  # groups of unlabelled things a square metre of floor
 
 
 def random_layout(rng: np.random.Generator, kind: str, structure: float) -> Layout:
@@ -49,11 +51,30 @@ def random_layout(rng: np.random.Generator, kind: str, structure: float) -> Layo
         plan.add_beams(layout)
     plan.add_door(layout)
     _FURNISH[kind](layout)
-    for _ in range(2 + int(rng.random() * (2 if kind == 'bathroom' else 6))):
-        layout.somewhere([clutter.floor_clutter(rng, layout.palette)], tries=6)
+    if kind != 'bathroom' and length * width > 18 and rng.random() < 0.5:
+        _FURNISH[kind](layout)  # a long room has two zones
+    _add_clutter(layout)
     plan.close_shell(layout, wet=kind == 'bathroom')
     layout.things = [_as_usual(item, rng) for item in layout.things]
     return layout
+
+
+def _add_clutter(layout: Layout) -> None:
+    """Boxes, bags, plants, heaps of clothes: alone, in groups that touch, and along walls."""
+    rng, palette = layout.rng, layout.palette
+    area = layout.size[0] * layout.size[1]
+    for _ in range(int(area * pick(rng, *CLUTTER))):
+        item = clutter.floor_clutter(rng, palette)
+        if rng.random() < 0.45:
+            pose = layout.against_wall([item], gap=0.0, tries=5)
+        else:
+            pose = layout.somewhere([item], tries=5)
+        while pose is not None and rng.random() < 0.45:
+            reach = float(item.bounds[1][1])
+            item = clutter.floor_clutter(rng, palette)
+            pose = _ahead(pose, pick(rng, -0.05, 0.05), reach - float(item.bounds[0][1]), pick(rng, -0.4, 0.4))
+            if not layout.stand([item], pose, gap=-0.02):
+                break
 
 
 def _as_usual(item: Thing, rng: np.random.Generator) -> Thing:
@@ -71,9 +92,9 @@ def lay_clutter(layout: Layout, pose: Pose, tops: tuple[Top, ...], amount: float
     c, s = (float(v) for v in cos_sin(pose.yaw))
     for top in tops:
         placed: list[tuple[float, float]] = []
-        for _ in range(int(rng.random() * 2 * amount + 0.5)):
+        for _ in range(int(rng.random() * 4 * amount + 0.5)):
             x, y = pick(rng, *top.x), pick(rng, *top.y)
-            if all((x - a) ** 2 + (y - b) ** 2 > 0.06 for a, b in placed):
+            if all((x - a) ** 2 + (y - b) ** 2 > 0.02 for a, b in placed):
                 placed.append((x, y))
                 spot = Pose(pose.x + c * x - s * y, pose.y + s * x + c * y, pick(rng, -HALF_TURN, HALF_TURN))
                 layout.put([clutter.table_clutter(rng, layout.palette)], spot, top.z)

@@ -1,0 +1,43 @@
+"""How people annotate a scanned room: they colour segments of the mesh, not points, and leave pieces out.
+
+So borders are ragged: a segment that reaches over the edge of a thing is coloured as a whole.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rm3d_plugin.datasets.synthetic.texture import noise_field
+
+SMALL = 400  # points; larger segments are seldom overlooked
+PATCH = 0.45  # m; overlooked segments lie together
+
+
+def annotate(
+    segment: Int[np.ndarray, ' points'], thing: Int[np.ndarray, ' points'], things: int
+) -> Int[np.ndarray, ' points']:
+    """The thing of most points of each segment; ties to the lowest.
+
+    Args:
+        segment: Numbers from 0.
+        thing: Numbers from 0.
+        things: How many there are.
+    """
+    count = int(segment.max()) + 1
+    votes = np.bincount(segment * things + thing, minlength=count * things).reshape(count, things)
+    return votes.argmax(axis=1)[segment]
+
+
+def overlooked(
+    xyz: Float[np.ndarray, 'points 3'], segment: Int[np.ndarray, ' points'], share: float
+) -> Bool[np.ndarray, ' points']:
+    """Points of segments that nobody coloured: small ones in patches of the room.
+
+    Args:
+        xyz: Metres, room frame.
+        segment: Numbers from 0.
+        share: About the share of the small segments.
+    """
+    size = np.bincount(segment)
+    middle = np.stack([np.bincount(segment, weights=xyz[:, i]) for i in range(3)], axis=1) / size[:, None]
+    missed = noise_field(middle, PATCH) < 0.5 + 0.45 * (share - 0.5)
+    return (missed & (size < SMALL))[segment]
