@@ -9,7 +9,29 @@ from jaxtyping import Bool, Float, Int
 from rm3d_plugin.datasets.synthetic.texture import noise_field
 
 SMALL = 400  # points; larger segments are seldom overlooked
+CUT = 70  # points
 PATCH = 0.45  # m; overlooked segments lie together
+
+
+def cut_parts(
+    segment: Int[np.ndarray, ' points'], thing: Int[np.ndarray, ' points'], things: int, least: int = CUT
+) -> Int[np.ndarray, ' points']:
+    """Where people cut a segment, since it plainly holds another thing too.
+
+    Args:
+        segment: Numbers from 0.
+        thing: Numbers from 0.
+        things: How many there are.
+        least: Points; what has fewer in a segment is not cut out.
+
+    Returns:
+        0 for points whose segment stays whole or that belong to most of it, else a number for each piece cut out.
+    """
+    pair = segment * things + thing
+    pairs, inverse, count = np.unique(pair, return_inverse=True, return_counts=True)
+    main = annotate(segment, thing, things)
+    cut = (count[inverse] >= least) & (thing != main)
+    return np.where(cut, 1 + np.arange(len(pairs))[inverse], 0)
 
 
 def annotate(

@@ -18,17 +18,18 @@ from rm3d_plugin.datasets.synthetic.shapes import cos_sin
 
 # Metres: length, width, height.
 _SIZES = {
-    'office': ((5.2, 7.2), (3.0, 4.0), (2.4, 2.8)),
-    'bedroom': ((5.0, 6.6), (3.1, 3.9), (2.4, 2.7)),
-    'kitchen': ((5.0, 6.6), (2.5, 3.3), (2.4, 2.7)),
-    'bathroom': ((4.8, 5.8), (1.9, 2.6), (2.3, 2.6)),
-    'living': ((5.8, 7.8), (3.3, 4.2), (2.4, 2.8)),
-    'studio': ((6.0, 8.0), (3.3, 4.1), (2.4, 2.7)),
-    'conference': ((5.6, 8.0), (3.2, 4.0), (2.5, 3.0)),
+    'office': ((5.6, 7.6), (3.0, 4.0), (2.4, 2.8)),
+    'bedroom': ((5.4, 7.0), (3.0, 3.9), (2.4, 2.7)),
+    'kitchen': ((5.4, 7.0), (2.5, 3.3), (2.4, 2.7)),
+    'bathroom': ((5.0, 6.2), (1.9, 2.6), (2.3, 2.6)),
+    'living': ((6.2, 8.2), (3.2, 4.2), (2.4, 2.8)),
+    'studio': ((6.4, 8.4), (3.2, 4.1), (2.4, 2.7)),
+    'conference': ((6.4, 8.4), (3.2, 4.0), (2.5, 3.0)),
     'hallway': ((6.5, 9.5), (1.5, 2.1), (2.4, 2.9)),
 }
 
-CLUTTER = (0.35, 0.9)  # groups of unlabelled things a square metre of floor
+LINED = (0.4, 0.8)  # more things along the walls, a metre of length and width
+CLUTTER = (0.6, 1.3)  # groups of unlabelled things a square metre of floor
 
 
 def random_layout(rng: np.random.Generator, kind: str, structure: float) -> Layout:
@@ -51,12 +52,21 @@ def random_layout(rng: np.random.Generator, kind: str, structure: float) -> Layo
         plan.add_beams(layout)
     plan.add_door(layout)
     _FURNISH[kind](layout)
-    if kind != 'bathroom' and length * width > 18 and rng.random() < 0.5:
+    if kind != 'bathroom' and length * width > 18 and rng.random() < 0.35:
         _FURNISH[kind](layout)  # a long room has two zones
+    _line_walls(layout)
     _add_clutter(layout)
     plan.close_shell(layout, wet=kind == 'bathroom')
     layout.things = [_as_usual(item, rng) for item in layout.things]
     return layout
+
+
+def _line_walls(layout: Layout) -> None:
+    """More furniture along the walls, much of it side by side: walls of real rooms are seldom free."""
+    rng, palette = layout.rng, layout.palette
+    makers = (storage.cabinet, storage.bookshelf, storage.cabinet, seats.chair, seats.armchair, storage.dresser)
+    for _ in range(int((layout.size[0] + layout.size[1]) * pick(rng, *LINED))):
+        _wall_thing(layout, makers[int(rng.random() * len(makers))](rng, palette))
 
 
 def _add_clutter(layout: Layout) -> None:

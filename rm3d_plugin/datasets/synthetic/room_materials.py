@@ -15,8 +15,8 @@ from rm3d_plugin.datasets.synthetic.road_users import pick
 from rm3d_plugin.datasets.synthetic.texture import smooth_noise
 
 Rgb = tuple[float, float, float]
-WIDE, MIDDLE, FINE, TINT = 1.0, 0.7, 0.6, 0.3  # widest swings of brightness and hue, as shares of the mean
-SHADOW = 0.15  # what reaches the darkest places of a lamp's light
+WIDE, MIDDLE, FINE, TINT = 1.5, 0.75, 0.65, 0.4  # widest swings of brightness and hue, as shares of the mean
+SHADOW = 0.1  # what reaches the darkest places of a lamp's light
 PLAIN, STRIPES, TILES, GRAIN, BLOTCHES, CHECKS = range(6)
 
 

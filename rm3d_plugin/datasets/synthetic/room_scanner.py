@@ -34,7 +34,7 @@ class DepthCamera:
         rows: Pixels down.
         near, far: Metres along the view that it can measure.
         noise: Standard deviation of the depth in metres at 1 m; it grows with the square of the depth.
-        warp: Half width of the smooth error of the depth in metres at 1 m; grows alike.
+        warp: Half width of the smooth error of the depth in metres; grows with 1.5 + the square of the depth.
         drift: Standard deviation of a pose's error: metres, and radians times 4.
         lost: Share of pixels lost at random.
     """
@@ -44,7 +44,7 @@ class DepthCamera:
     near: float = 0.35
     far: float = 4.0
     noise: float = 0.0007
-    warp: float = 0.009
+    warp: float = 0.0075
     drift: float = 0.008
     lost: float = 0.03
 
@@ -226,7 +226,7 @@ def _one_image(
     keep = ~lost & (cosine > 0.08 + 0.14 * chance[1, hit]) & (deep >= camera.near) & (deep <= camera.far)
     hit, normal, ray, deep, slope = hit[keep], normal[keep], ray[keep], deep[keep], slope[keep]
     true = view.place + ray * deep[:, None]
-    warp = camera.warp * deep * deep * _image_noise(camera, errors[0])[hit]
+    warp = camera.warp * (1.5 + deep * deep) * _image_noise(camera, errors[0])[hit]
     noisy = deep + warp + camera.noise * noise[hit] * (0.4 + deep * deep)
     xyz = _drifted(view.place + ray * noisy[:, None], view.place, camera.drift * errors)
     facing = normal * np.where(slope > 0, -1.0, 1.0)[:, None]

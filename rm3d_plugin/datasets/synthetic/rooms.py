@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from rm3d_plugin.datasets.synthetic.room_annotation import annotate, overlooked
+from rm3d_plugin.datasets.synthetic.room_annotation import annotate, cut_parts, overlooked
 from rm3d_plugin.datasets.synthetic.room_fusion import fuse, mesh_faces, mesh_segments, smoothed
 from rm3d_plugin.datasets.synthetic.room_kinds import random_layout
 from rm3d_plugin.datasets.synthetic.room_layout import Layout
@@ -24,8 +24,8 @@ TURNS = tuple(
     for pair in (('bathroom', 'conference'), ('conference', 'hallway'), ('office', 'conference'))
     for kind in ('office', 'bathroom', 'bedroom', 'kitchen', 'living', 'studio', *pair)
 )
-SEGMENT = 0.18  # threshold of the segments that people colour
-MISSED = (0.0, 0.25)  # about the share of the small segments that are not annotated
+SEGMENT = 0.25  # threshold of the segments that people colour
+MISSED = (-0.2, 0.15)  # about the share of the small segments that are not annotated
 FINEST, COARSEST = 0.002, 0.2  # m
 
 
@@ -124,12 +124,14 @@ def scan_room(
     layout: Layout, views: list[View], spacing: float, scanner: Scanner, rng: np.random.Generator
 ) -> RoomScan:
     """Scan a room from given views."""
-    camera = DepthCamera.for_spacing(spacing, scanner).of_quality(0.75 + 0.75 * rng.random())
+    camera = DepthCamera.for_spacing(spacing, scanner).of_quality(0.7 + 0.6 * rng.random())
     shots = shoot(layout, surfaces_of(layout), views, camera, rng)
     fused = smoothed(fuse(shots, spacing), spacing)
     faces = mesh_faces(fused, shots, 2.5 * spacing + 4 * camera.pitch)
-    segment = mesh_segments(faces, fused.normals, fused.colors, np.zeros_like(fused.thing), SEGMENT)
     names = [item.name for item in layout.things]
+    segment = mesh_segments(faces, fused.normals, fused.colors, np.zeros_like(fused.thing), SEGMENT)
+    pieces = cut_parts(segment, fused.thing, len(names))
+    segment = mesh_segments(faces, fused.normals, fused.colors, pieces, SEGMENT)
     thing = annotate(segment, fused.thing, len(names))
     missed = MISSED[0] + (MISSED[1] - MISSED[0]) * rng.random()
     if scanner == 'handheld':  # areas that a tripod scanned were annotated completely
