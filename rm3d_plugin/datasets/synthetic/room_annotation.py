@@ -8,13 +8,13 @@ from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.datasets.synthetic.texture import noise_field
 
-SMALL = 400  # points; larger segments are seldom overlooked
-CUT = 70  # points
+CUT = 0.1  # m^2; people cut another thing out of a segment where it fills as much
+SMALL = 0.5  # m^2; larger segments are not overlooked
 PATCH = 0.45  # m; overlooked segments lie together
 
 
 def cut_parts(
-    segment: Int[np.ndarray, ' points'], thing: Int[np.ndarray, ' points'], things: int, least: int = CUT
+    segment: Int[np.ndarray, ' points'], thing: Int[np.ndarray, ' points'], things: int, least: int
 ) -> Int[np.ndarray, ' points']:
     """Where people cut a segment, since it plainly holds another thing too.
 
@@ -50,7 +50,7 @@ def annotate(
 
 
 def overlooked(
-    xyz: Float[np.ndarray, 'points 3'], segment: Int[np.ndarray, ' points'], share: float
+    xyz: Float[np.ndarray, 'points 3'], segment: Int[np.ndarray, ' points'], share: float, small: int
 ) -> Bool[np.ndarray, ' points']:
     """Points of segments that nobody coloured: small ones in patches of the room.
 
@@ -58,8 +58,9 @@ def overlooked(
         xyz: Metres, room frame.
         segment: Numbers from 0.
         share: About the share of the small segments.
+        small: Points; segments of as many or more are not overlooked.
     """
     size = np.bincount(segment)
     middle = np.stack([np.bincount(segment, weights=xyz[:, i]) for i in range(3)], axis=1) / size[:, None]
     missed = noise_field(middle, PATCH) < 0.5 + 0.45 * (share - 0.5)
-    return (missed & (size < SMALL))[segment]
+    return (missed & (size < small))[segment]

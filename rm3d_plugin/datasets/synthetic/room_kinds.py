@@ -20,15 +20,15 @@ from rm3d_plugin.datasets.synthetic.shapes import cos_sin
 _SIZES = {
     'office': ((5.6, 7.6), (3.0, 4.0), (2.4, 2.8)),
     'bedroom': ((5.4, 7.0), (3.0, 3.9), (2.4, 2.7)),
-    'kitchen': ((5.4, 7.0), (2.5, 3.3), (2.4, 2.7)),
+    'kitchen': ((5.4, 7.0), (2.4, 3.0), (2.4, 2.7)),
     'bathroom': ((5.0, 6.2), (1.9, 2.6), (2.3, 2.6)),
     'living': ((6.2, 8.2), (3.2, 4.2), (2.4, 2.8)),
     'studio': ((6.4, 8.4), (3.2, 4.1), (2.4, 2.7)),
-    'conference': ((6.4, 8.4), (3.2, 4.0), (2.5, 3.0)),
+    'conference': ((6.0, 8.0), (2.9, 3.6), (2.5, 3.0)),
     'hallway': ((6.5, 9.5), (1.5, 2.1), (2.4, 2.9)),
 }
 
-LINED = (0.4, 0.8)  # more things along the walls, a metre of length and width
+LINED = (0.7, 1.1)  # more things along the walls, a metre of length and width
 CLUTTER = (0.6, 1.3)  # groups of unlabelled things a square metre of floor
 
 

@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from rm3d_plugin.datasets.synthetic.room_annotation import annotate, cut_parts, overlooked
+from rm3d_plugin.datasets.synthetic.room_annotation import CUT, SMALL, annotate, cut_parts, overlooked
 from rm3d_plugin.datasets.synthetic.room_fusion import fuse, mesh_faces, mesh_segments, smoothed
 from rm3d_plugin.datasets.synthetic.room_kinds import random_layout
 from rm3d_plugin.datasets.synthetic.room_layout import Layout
@@ -25,6 +25,7 @@ TURNS = tuple(
     for kind in ('office', 'bathroom', 'bedroom', 'kitchen', 'living', 'studio', *pair)
 )
 SEGMENT = 0.25  # threshold of the segments that people colour
+SEGMENT_AREA = 0.025  # m^2; smaller segments join a neighbour
 MISSED = (-0.2, 0.15)  # about the share of the small segments that are not annotated
 FINEST, COARSEST = 0.002, 0.2  # m
 
@@ -129,14 +130,15 @@ def scan_room(
     fused = smoothed(fuse(shots, spacing), spacing)
     faces = mesh_faces(fused, shots, 2.5 * spacing + 4 * camera.pitch)
     names = [item.name for item in layout.things]
-    segment = mesh_segments(faces, fused.normals, fused.colors, np.zeros_like(fused.thing), SEGMENT)
-    pieces = cut_parts(segment, fused.thing, len(names))
-    segment = mesh_segments(faces, fused.normals, fused.colors, pieces, SEGMENT)
+    least, cut, small = (max(1, round(area / spacing**2)) for area in (SEGMENT_AREA, CUT, SMALL))
+    segment = mesh_segments(faces, fused.normals, fused.colors, np.zeros_like(fused.thing), SEGMENT, least)
+    pieces = cut_parts(segment, fused.thing, len(names), cut)
+    segment = mesh_segments(faces, fused.normals, fused.colors, pieces, SEGMENT, least)
     thing = annotate(segment, fused.thing, len(names))
     missed = MISSED[0] + (MISSED[1] - MISSED[0]) * rng.random()
     if scanner == 'handheld':  # areas that a tripod scanned were annotated completely
         names.append('object')
-        thing = np.where(overlooked(fused.xyz, segment, missed), len(layout.things), thing)
+        thing = np.where(overlooked(fused.xyz, segment, missed, small), len(layout.things), thing)
     seen, instance = np.unique(thing, return_inverse=True)
     alignment = _random_alignment(rng)
     back = _inverse(alignment)
