@@ -62,6 +62,9 @@ class Pose(NamedTuple):
 
 def overlap(a: Rect, b: Rect) -> bool:
     """Whether two turned rectangles overlap (separating axes)."""
+    reach = (a.half_x**2 + a.half_y**2) ** 0.5 + (b.half_x**2 + b.half_y**2) ** 0.5
+    if (a.x - b.x) ** 2 + (a.y - b.y) ** 2 > reach * reach:
+        return False  # the circles around them are apart
     pa, pb = a.corners(), b.corners()
     for yaw in (a.yaw, b.yaw):
         c, s = (float(v) for v in cos_sin(yaw))

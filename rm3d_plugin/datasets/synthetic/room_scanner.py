@@ -55,7 +55,7 @@ class DepthCamera:
         rows = round(2 * HALF_HEIGHT * TYPICAL / spacing)
         if scanner == 'handheld':
             return DepthCamera(columns, rows)
-        return DepthCamera(columns, rows, far=12.0, noise=0.0003, warp=0.0015)
+        return DepthCamera(columns, rows, far=12.0, noise=0.0005, warp=0.0045)
 
     def of_quality(self, factor: float) -> 'DepthCamera':
         """The same camera, its errors larger by a factor."""
