@@ -142,7 +142,11 @@ def count_hits(corners: Float[np.ndarray, 'faces 3 3'], beams: Beams, max_range:
 
 
 def scan(
-    mesh: Mesh, hits: Hits, lidar: SpinningLidar, rng: np.random.Generator, anchor: Anchor = Anchor()  # noqa: B008
+    mesh: Mesh,
+    hits: Hits,
+    lidar: SpinningLidar,
+    rng: np.random.Generator,
+    anchor: Anchor = Anchor(),  # noqa: B008
 ) -> Scan:
     """What returns of one turn: some is lost (glass, grazing, dark and far, by chance), the rest is noisy and rounded.
 

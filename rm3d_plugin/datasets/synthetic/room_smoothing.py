@@ -7,7 +7,7 @@ along its normal to the weighted mean of its neighbours, which is the same avera
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numba import njit
 
 ROUNDS = 1

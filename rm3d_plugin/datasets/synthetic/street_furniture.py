@@ -42,9 +42,9 @@ def hedge(rng: np.random.Generator, length: float) -> Mesh:
     cover = (2 * rng.random((int(70 * length * high), 1, 3)) - 1) * np.array([length, wide, high]) / 2
     spread = (rng.random((len(cover), 3, 3)) - 0.5) * 0.3
     corners = cover + spread + np.array([0, 0, high / 2])
-    return join([core, Mesh(np.round(corners, 6), _GREEN * (0.75 + 0.5 * rng.random(len(corners))), np.zeros(len(corners)))]).named(
-        Part.VEGETATION
-    )
+    return join(
+        [core, Mesh(np.round(corners, 6), _GREEN * (0.75 + 0.5 * rng.random(len(corners))), np.zeros(len(corners)))]
+    ).named(Part.VEGETATION)
 
 
 def thicket(rng: np.random.Generator, length: float) -> Mesh:

@@ -123,7 +123,7 @@ def _flip(rng: np.random.Generator, chance: float = 0.5) -> float:
 
 
 def _park_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
-    """Rows along the kerbs, before and behind, with gaps of 0.7 to 2 m, slots empty by chance, now and then a car askew."""
+    """Rows along the kerbs near the sensor, with gaps of 0.7 to 2 m and empty slots; now and then a car askew."""
     road = street.road
     for parked, kerb, inward in ((road.parked_left, road.left, -1.0), (road.parked_right, road.right, 1.0)):
         filled = pick(rng, 0.35, 0.65)
@@ -240,9 +240,7 @@ def _build(street: Street, rng: np.random.Generator) -> None:
             x += length + (pick(rng, 0.0, 0.4) if rng.random() < 0.7 else pick(rng, 2.0, 7.0))
 
 
-def _add_house(
-    street: Street, rng: np.random.Generator, x: float, length: float, edge: float, setback: float
-) -> None:
+def _add_house(street: Street, rng: np.random.Generator, x: float, length: float, edge: float, setback: float) -> None:
     out = float(np.sign(edge))
     house = street_furniture.facade(rng, length)
     street.add_thing(house, x + length / 2, edge + out * (setback + 0.4), 0.0 if out > 0 else float(np.pi))

@@ -1,6 +1,6 @@
 """What a labelled indoor scan is like: spacing, noise, edges, colours and object borders.
 
-They tell whether made-up rooms are as hard as real ones; `rm3d_plugin.evaluation.realism` holds the values of real ones.
+They tell whether made-up rooms are as hard as real ones, whose values `rm3d_plugin.evaluation.realism` holds.
 """
 
 from typing import NamedTuple

@@ -1,6 +1,6 @@
 """What a labelled lidar scan of a street is like: the ground's shape, intensities by class and shares of classes.
 
-They tell whether made-up streets are as hard as real ones; `rm3d_plugin.evaluation.realism` holds the values of real ones.
+They tell whether made-up streets are as hard as real ones, whose values `rm3d_plugin.evaluation.realism` holds.
 """
 
 import numpy as np
