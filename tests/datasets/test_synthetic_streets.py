@@ -14,8 +14,8 @@ from rm3d_plugin.datasets.synthetic import kitti_writer, make_streets, road_user
 from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar, cast, count_hits, directions, make_beams, scan
 
 COARSE = SpinningLidar(azimuth_step=2.0)
-SCAN_HASH = '8f00e2de0c45e0f0a16e34ba3fe6410c326398a099c5139f76674310d8383a03'
-LABEL_HASH = '24ac58d66128a9d0f1d96dd2272c2c66f6a48e0df607d2e90962c1fb7997d6ff'
+SCAN_HASH = '1cfdab02d91c41aa6b50022a75aeef64678a79f361c33884ee51ebe15d298ffa'
+LABEL_HASH = 'be80bf4ea5eb048ea2499f193faa5fac314a49e6b4b461d7e7713831c0882519'
 QUIET = SpinningLidar(azimuth_step=2.0, range_noise=0.0, lost=0.0, mixed=0.0, hidden=0.0)
 
 

@@ -125,6 +125,6 @@ def traffic_light(rng: np.random.Generator) -> Mesh:
 def guardrail(rng: np.random.Generator, length: float) -> Mesh:
     """A steel rail on posts, along x."""
     high = pick(rng, 0.65, 0.8)
-    posts = [box((float(x), 0, high / 2), (0.1, 0.1, high), 0.5) for x in np.arange(-length / 2, length / 2, 2.0)]
-    rails = [box((0, -0.08, high - d), (length, 0.05, 0.13), 0.6) for d in (0.1, 0.28)]
+    posts = [box((float(x), 0, high / 2), (0.1, 0.1, high), 0.42) for x in np.arange(-length / 2, length / 2, 2.0)]
+    rails = [box((0, -0.08, high - d), (length, 0.05, 0.13), 0.45) for d in (0.1, 0.28)]
     return join(posts + rails).named(Part.GUARDRAIL)

@@ -60,12 +60,12 @@ def thicket(rng: np.random.Generator, length: float) -> Mesh:
 def wall(rng: np.random.Generator, length: float) -> Mesh:
     """A garden wall along x."""
     high = pick(rng, 0.6, 1.9)
-    return box((0, 0, high / 2 - 0.15), (length, 0.22, high + 0.3), pick(rng, 0.36, 0.46)).named(Part.WALL)
+    return box((0, 0, high / 2 - 0.15), (length, 0.22, high + 0.3), pick(rng, 0.34, 0.5)).named(Part.WALL)
 
 
 def fence(rng: np.random.Generator, length: float) -> Mesh:
     """Posts, two rails and slats with gaps, along x."""
-    high, gap, paint = pick(rng, 0.9, 1.6), pick(rng, 0.16, 0.3), pick(rng, 0.38, 0.46)
+    high, gap, paint = pick(rng, 0.9, 1.6), pick(rng, 0.16, 0.3), pick(rng, 0.34, 0.5)
     slats = np.arange(-length / 2, length / 2, gap)
     half = gap * pick(rng, 0.2, 0.4)
     low, top = np.full(len(slats), 0.08), np.full(len(slats), high)
@@ -152,7 +152,7 @@ def _bin(rng: np.random.Generator) -> Mesh:
 
 
 def _bollard(rng: np.random.Generator) -> Mesh:
-    return tube((0, 0, 0), (0, 0, pick(rng, 0.7, 1.1)), (0.09, 0.07), 0.4).named(Part.POLE)
+    return tube((0, 0, 0), (0, 0, pick(rng, 0.7, 1.1)), (0.08, 0.06), 0.36).named(Part.POLE)
 
 
 def _cabinet(rng: np.random.Generator) -> Mesh:
@@ -177,7 +177,7 @@ def _sign(rng: np.random.Generator) -> Mesh:
 
 def _pole(rng: np.random.Generator) -> Mesh:
     high = pick(rng, 4.0, 8.0)
-    parts = [tube((0, 0, 0), (0, 0, high), (pick(rng, 0.07, 0.13), 0.06), 0.3, 8)]
+    parts = [tube((0, 0, 0), (0, 0, high), (pick(rng, 0.05, 0.1), 0.05), 0.36, 8)]
     if rng.random() < 0.4:
         parts.append(box((0.1, 0, pick(rng, 1.0, 2.6)), (0.25, 0.3, pick(rng, 0.4, 0.9)), 0.3))
     return join(parts).named(Part.POLE)
@@ -185,7 +185,7 @@ def _pole(rng: np.random.Generator) -> Mesh:
 
 def lamp_post(rng: np.random.Generator) -> Mesh:
     """A post of painted steel or concrete with a foot."""
-    high, thick, paint = pick(rng, 5.0, 8.0), pick(rng, 0.07, 0.12), pick(rng, 0.25, 0.42)
+    high, thick, paint = pick(rng, 5.0, 8.0), pick(rng, 0.05, 0.09), pick(rng, 0.3, 0.46)
     foot = tube((0, 0, 0), (0, 0, 1.1), (thick * 1.4, thick * 1.3), paint, 8)
     post = tube((0, 0, 1.0), (0, 0, high), (thick, 0.06), paint, 8)
     return join([foot, post]).named(Part.POLE)

@@ -16,7 +16,7 @@ def plant_avenue(put: Put, rng: np.random.Generator, side: float) -> None:
     """Trees along a kerb, a few metres apart."""
     out = float(np.sign(side))
     x = pick(rng, BEHIND + 5, BEHIND + 12)
-    share = pick(rng, 0.0, 0.55)
+    share = pick(rng, 0.05, 0.55)
     while x < AHEAD - 10:
         if rng.random() < share:
             put(street_furniture.tree(rng), x, side + out * 0.8, pick(rng, 0, 6.2), 0.5)
@@ -35,7 +35,7 @@ def plant_garden(put: Put, rng: np.random.Generator, start: float, length: float
         depth: Metres to the house.
     """
     out = float(np.sign(edge))
-    for _ in range(int(length * depth / 3.5 + rng.random())):
+    for _ in range(int(length * depth / 3.0 + rng.random())):
         place, away = start + length * float(rng.random()), edge + out * pick(rng, 0.5, max(depth - 0.4, 0.6))
         maker = street_furniture.tree if rng.random() < 0.2 else street_furniture.bush
         put(maker(rng), place, away, pick(rng, 0, 6.2), None)
@@ -53,13 +53,13 @@ def plant_land(put: Put, rng: np.random.Generator, start: float, length: float, 
         density: From 0 (meadow) to 1 (woodland).
     """
     out = float(np.sign(edge))
-    for _ in range(int(length * density * 0.8 + rng.random())):
+    for _ in range(int(length * density * 1.1 + rng.random())):
         place = start + length * float(rng.random())
         away = edge + out * (0.8 + 13.0 * float(rng.random()) * float(rng.random()))
         maker = street_furniture.tree if rng.random() < 0.45 else street_furniture.bush
         put(maker(rng), place, away, pick(rng, 0, 6.2), None)
     if rng.random() < 0.5 + 0.5 * density:
-        put(street_furniture.thicket(rng, length), start + length / 2, edge + out * pick(rng, 8.0, 20.0), 0.0, None)
+        put(street_furniture.thicket(rng, length), start + length / 2, edge + out * pick(rng, 7.0, 18.0), 0.0, None)
 
 
 def boundary(put: Put, rng: np.random.Generator, middle: float, length: float, edge: float) -> None:

@@ -89,10 +89,11 @@ def make_ground(road: Road, rng: np.random.Generator) -> Mesh:
          outer_left + _LAND]
     )  # fmt: skip
     edges = len(_LAND)
-    stone, asphalt, grass = pick(rng, 0.405, 0.44), pick(rng, 0.345, 0.375), pick(rng, 0.42, 0.46)
+    stone, asphalt, grass = pick(rng, 0.41, 0.43), pick(rng, 0.345, 0.365), pick(rng, 0.42, 0.46)
     beside = [stone if road.parked_right else asphalt, stone if road.parked_left else asphalt]
     reflectance = np.repeat(
-        [grass, stone, beside[0], asphalt, beside[1], stone, grass], [edges, 2, 1, len(lane) - 3, 1, 2, edges]
+        [grass, 0.98 * stone, beside[0], asphalt, beside[1], 0.98 * stone, grass],
+        [edges, 2, 1, len(lane) - 3, 1, 2, edges],
     )
     rough = np.repeat([_ROUGH_LAND, _ROUGH_ROAD, _ROUGH_LAND], [edges, len(lane) + 4, edges])
     grid_x, grid_offset = np.broadcast_arrays(x[:, None], offset[None])

@@ -126,7 +126,7 @@ def _park_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     """Rows along the kerbs near the sensor, with gaps of 0.7 to 2 m and empty slots; now and then a car askew."""
     road = street.road
     for parked, kerb, inward in ((road.parked_left, road.left, -1.0), (road.parked_right, road.right, 1.0)):
-        filled = pick(rng, 0.35, 0.65)
+        filled = pick(rng, 0.3, 0.6)
         x, end = pick(rng, -13.0, -7.0), pick(rng, 9.0, 26.0)
         while parked and x < end:
             user = _any_car(rng)
@@ -196,7 +196,7 @@ def _furnish(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     for side in (road.left, road.right):
         out = float(np.sign(side))
         plant_avenue(street.add_thing, rng, side)
-        for x in np.arange(BEHIND + pick(rng, 0.0, 20.0), AHEAD - 10, pick(rng, 38.0, 60.0)):
+        for x in np.arange(BEHIND + pick(rng, 0.0, 20.0), AHEAD - 10, pick(rng, 45.0, 70.0)):
             street.add_thing(street_furniture.lamp_post(rng), float(x), side + out * 0.6, 0.0, 0.3)
         for _ in range(12 + int(rng.random() * 14)):
             near = pick(rng, 0.3, 0.9) if rng.random() < 0.5 else pick(rng, 0.9, road.pavement + 0.8)
@@ -226,8 +226,8 @@ def _build(street: Street, rng: np.random.Generator) -> None:
     road = street.road
     for side in (road.left, road.right):
         edge = edge_of(road, side)
-        open_land = rng.random() < 0.38
-        setback, density = pick(rng, 0.0, 3.0), pick(rng, 0.5, 1.2)
+        open_land = rng.random() < 0.36
+        setback, density = pick(rng, 0.0, 3.5), pick(rng, 0.5, 1.2)
         x = BEHIND
         while x < AHEAD - 4:
             length = pick(rng, 5.0, 14.0)

@@ -14,7 +14,7 @@ from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES, S3DIS_CLASSES
 from rm3d_plugin.datasets.synthetic.rooms import RoomScan, make_layout, make_room
 
 SPACING = 0.08
-ROOM_HASH = '6c5b6689d99175d549fe3d9d1851e29215003d20c3b12dd0f1b2ca401e1ac83f'
+ROOM_HASH = 'afb5d2001de87447fb3cfa590bc1ff2f6e574eab4aeba01837616405462886ff'
 SMALL = DepthCamera(40, 30)
 
 
