@@ -49,8 +49,8 @@ REAL_ROOMS: dict[str, Range] = {
     'auc_color': Range(0.67, 0.61, 0.77),
     'color_spread': Range(20.0, 16.0, 25.0),
 }
-# Six real scans of SemanticKITTI, measured by the functions that the made-up ones are measured by. Three of them hold no
-# intensities, which is why spreads begin at 0 and areas under curves at 0.5.
+# Six real scans of SemanticKITTI, measured by the functions that the made-up ones are measured by. Three of them hold
+# no intensities, which is why spreads begin at 0 and areas under curves at 0.5.
 REAL_STREETS: dict[str, Range] = {
     'unlabelled_pct': Range(3.08, 1.75, 8.60),
     'range_m': Range(11.0, 9.0, 17.1),

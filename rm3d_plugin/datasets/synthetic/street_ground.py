@@ -91,10 +91,9 @@ def make_ground(road: Road, rng: np.random.Generator) -> Mesh:
     edges = len(_LAND)
     stone, asphalt, grass = pick(rng, 0.41, 0.43), pick(rng, 0.345, 0.365), pick(rng, 0.42, 0.46)
     beside = [stone if road.parked_right else asphalt, stone if road.parked_left else asphalt]
-    reflectance = np.repeat(
-        [grass, 0.98 * stone, beside[0], asphalt, beside[1], 0.98 * stone, grass],
-        [edges, 2, 1, len(lane) - 3, 1, 2, edges],
-    )
+    flags = 0.98 * stone
+    shades = [grass, flags, beside[0], asphalt, beside[1], flags, grass]
+    reflectance = np.repeat(shades, [edges, 2, 1, len(lane) - 3, 1, 2, edges])
     rough = np.repeat([_ROUGH_LAND, _ROUGH_ROAD, _ROUGH_LAND], [edges, len(lane) + 4, edges])
     grid_x, grid_offset = np.broadcast_arrays(x[:, None], offset[None])
     z = road.height(grid_x, grid_offset) + rough * (2 * rng.random(grid_x.shape) - 1)
