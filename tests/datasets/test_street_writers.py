@@ -28,9 +28,9 @@ from rm3d_plugin.datasets.vkitti import CLASSES as VKITTI_CLASSES
 from rm3d_plugin.datasets.vkitti import VKITTI3DDataset
 
 COARSE = SpinningLidar(azimuth_step=2.0)
-KITTI_HASH = '3b93257dcf3e08a181ea59fefdd1246c7539b208255ad440c45a659ad851b3b8'
-STATION_HASH = '11a24c07f18c4d54778e8af67e13fa502d3611ae08128c2812ae23369de81c61'
-FRAME_HASH = '2ee970614d54f362489924e27b400cb076da086e7bb98b59535a44438ba6c05b'
+KITTI_HASH = 'ae77470b7166ff977164936d44c5f1de2b581421b269587bc7b8dd09fd22ddee'
+STATION_HASH = '04501cd436d068b2cd33dbe6d73f4d0ef4ebfffd288931a7f76702b7cb3a56fe'
+FRAME_HASH = 'b66ed337d439821f743f57e1f0f9abe2720cd6910c0f65cbbe3c72eb01675dcb'
 
 
 def snapshot(root: Path) -> dict[str, str]:

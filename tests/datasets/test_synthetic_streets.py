@@ -14,12 +14,12 @@ from rm3d_plugin.datasets.synthetic import kitti_writer, make_streets, road_user
 from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar, cast, count_hits, directions, make_beams, scan
 
 COARSE = SpinningLidar(azimuth_step=2.0)
-SCAN_HASH = '8f00e2de0c45e0f0a16e34ba3fe6410c326398a099c5139f76674310d8383a03'
-LABEL_HASH = '24ac58d66128a9d0f1d96dd2272c2c66f6a48e0df607d2e90962c1fb7997d6ff'
-QUIET = SpinningLidar(azimuth_step=2.0, range_noise=0.0, lost=0.0)
+SCAN_HASH = '1cfdab02d91c41aa6b50022a75aeef64678a79f361c33884ee51ebe15d298ffa'
+LABEL_HASH = 'be80bf4ea5eb048ea2499f193faa5fac314a49e6b4b461d7e7713831c0882519'
+QUIET = SpinningLidar(azimuth_step=2.0, range_noise=0.0, lost=0.0, mixed=0.0, hidden=0.0)
 
 
-QUIET_FINE = SpinningLidar(azimuth_step=0.1, range_noise=0.0, lost=0.0)
+QUIET_FINE = SpinningLidar(azimuth_step=0.1, range_noise=0.0, lost=0.0, mixed=0.0, hidden=0.0)
 FLAT = streets.Road(5.0, -5.0, 3.0, 0.0, 0.0, 0.0, (0.0, 0.2, 0.0), False, False)
 
 
@@ -92,7 +92,7 @@ def test_scan_without_noise_lies_on_the_wall() -> None:
 
 
 def test_noise_and_lost_returns_have_the_asked_size() -> None:
-    sensor = SpinningLidar(azimuth_step=0.35, range_noise=0.02, lost=0.1)
+    sensor = SpinningLidar(azimuth_step=0.35, range_noise=0.02, lost=0.1, mixed=0.0, hidden=0.0)
     mesh = wall(0.9)
     hits = cast(mesh.corners, make_beams(sensor))
     straight = directions(make_beams(sensor))[:, 0] > 0.7  # grazing returns are lost more often

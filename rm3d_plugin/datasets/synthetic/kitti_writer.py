@@ -28,7 +28,7 @@ from rm3d_plugin.datasets.synthetic.shapes import cos_sin, join
 from rm3d_plugin.datasets.synthetic.streets import Placed, Street, make_street
 from rm3d_plugin.storage import write_bytes, write_text
 
-VERSION = 2  # raise whenever the bytes of a frame change
+VERSION = 3  # raise whenever the bytes of a frame change
 MARKER = 'demo.json'
 FAR = 66.0  # m; further objects are DontCare
 README = """This folder is SYNTHETIC. rm3d_plugin made it: parametric streets, scanned by a virtual lidar of 64 beams.

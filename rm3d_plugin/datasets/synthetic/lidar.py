@@ -9,10 +9,17 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numba import njit
 
 from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin
+from rm3d_plugin.datasets.synthetic.texture import noise_field
+
+PATCHES, GRAIN = 0.6, 0.65  # half of the widest swing of the reflectance, as a share of its mean
+DARK = 0.04  # strength that reads as zero
+FLICKER = 0.035  # deviation of the intensity between two returns of one place
+OWN_CAR = (-17.0, -25.0)  # degrees: elevations where the carrying car begins to hide, and where it hides most
+EDGE, FAR_EDGE = 0.4, 6.0  # m; smaller steps hide in the noise, over larger ones both surfaces return by themselves
 
 
 @dataclass(frozen=True)
@@ -22,15 +29,21 @@ class SpinningLidar:
     Attributes:
         azimuth_step: Degrees between two firings. Larger: fewer points.
         max_range: Metres.
-        range_noise: Standard deviation in metres.
+        range_noise: Standard deviation in metres; 14.5 mm give the roughness of real roads as scanned.
         lost: Share of returns lost at random.
+        mixed: Share of the returns at depth edges that lie between the two surfaces, since a beam has a width.
+        laser_spread: Half width of the lasers' gains around 1; each laser of a spinning lidar is its own device.
+        hidden: Share of the steepest beam's returns that the carrying car hides; none is hidden above -17 degrees.
         tilts: Elevations of the beams in degrees, highest first; empty: the HDL-64E's.
     """
 
     azimuth_step: float = 0.35
     max_range: float = 80.0
-    range_noise: float = 0.02
+    range_noise: float = 0.0145
     lost: float = 0.04
+    mixed: float = 0.25
+    laser_spread: float = 0.12
+    hidden: float = 0.9
     tilts: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -81,11 +94,22 @@ class Scan(NamedTuple):
         xyz: (N, 3) float64 metres, whole millimetres, sensor frame.
         intensity: (N,) float64 in [0, 1], whole hundredths.
         triangle: (N,) int64 the triangle that each point lies on.
+        mixed: (N,) bool, whether it lies between that triangle and what is seen beside it.
     """
 
     xyz: Float[np.ndarray, 'points 3']
     intensity: Float[np.ndarray, ' points']
     triangle: Int[np.ndarray, ' points']
+    mixed: Bool[np.ndarray, ' points']
+
+
+class Anchor(NamedTuple):
+    """Where the sensor stands in the world that its surfaces' textures belong to: metres, and radians about z."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    yaw: float = 0.0
 
 
 def make_beams(lidar: SpinningLidar) -> Beams:
@@ -117,7 +141,13 @@ def count_hits(corners: Float[np.ndarray, 'faces 3 3'], beams: Beams, max_range:
     return int((triangle >= 0).sum())
 
 
-def scan(mesh: Mesh, hits: Hits, lidar: SpinningLidar, rng: np.random.Generator) -> Scan:
+def scan(
+    mesh: Mesh,
+    hits: Hits,
+    lidar: SpinningLidar,
+    rng: np.random.Generator,
+    anchor: Anchor = Anchor(),  # noqa: B008
+) -> Scan:
     """What returns of one turn: some is lost (glass, grazing, dark and far, by chance), the rest is noisy and rounded.
 
     Args:
@@ -125,22 +155,70 @@ def scan(mesh: Mesh, hits: Hits, lidar: SpinningLidar, rng: np.random.Generator)
         hits: What the beams meet in it.
         lidar: The sensor.
         rng: Source of randomness.
+        anchor: Pose of the sensor, which the textures do not follow.
     """
     rays = directions(make_beams(lidar))
-    noise, chance, flicker = rng.standard_normal(len(rays)), rng.random((2, len(rays))), rng.standard_normal(len(rays))
+    noise, chance, flicker = rng.standard_normal(len(rays)), rng.random((5, len(rays))), rng.standard_normal(len(rays))
     hit = np.flatnonzero(hits.triangle >= 0)
-    face, ray, distance = hits.triangle[hit], rays[hit], hits.distance[hit]
+    face, ray, distance, chance = hits.triangle[hit], rays[hit], hits.distance[hit], chance[:, hit]
     cosine = _incidence(mesh.corners[face], ray)
-    reflectance = mesh.reflectance[face]
-    strength = reflectance * (0.35 + 0.65 * cosine) * (45.0 / (45.0 + np.maximum(distance - 10.0, 0.0)))
-    weak = strength * 30.0 < distance / lidar.max_range * chance[1, hit]
-    grazing = cosine < 0.02 + 0.03 * chance[1, hit]
-    lost = chance[0, hit] < lidar.lost + (1 - lidar.lost) * mesh.dropout[face]
-    kept = ~(weak | grazing | lost)
+    edge = _edges(hits.distance, lidar)[hit]
+    edge = np.where(edge > EDGE + 3.0 * _slant(distance, cosine, lidar), edge, 0.0)
+    strength = mesh.reflectance[face] * _texture(ray * distance[:, None], anchor) * _gains(lidar)[_beam(hit, lidar)]
+    strength = strength * (0.8 + 0.2 * cosine) * (60.0 / (60.0 + np.maximum(distance - 10.0, 0.0)))
+    strength = strength * np.where(edge > 0, 0.45 + 0.55 * chance[4], 1.0)  # what a wide beam leaves on the nearer one
+    weak = strength * 30.0 < distance / lidar.max_range * chance[1]
+    grazing = cosine < 0.02 + 0.03 * chance[1]
+    gone = lidar.lost + (1 - lidar.lost) * _hidden(lidar)[_beam(hit, lidar)]
+    kept = ~(weak | grazing | (chance[0] < gone + (1 - gone) * mesh.dropout[face]))
+    between = (edge > 0) & (edge < FAR_EDGE) & (chance[2] < lidar.mixed)
+    distance = distance + np.where(between, chance[3] * np.where(between, edge, 0.0), 0.0)
     distance = distance + lidar.range_noise * np.round(noise[hit], 9)
-    intensity = np.clip(strength + 0.03 * np.round(flicker[hit], 9), 0.0, 0.99)
+    intensity = np.clip(strength - DARK + FLICKER * np.round(flicker[hit], 9), 0.0, 0.99)
     xyz = np.round(ray * distance[:, None], 3)
-    return Scan(xyz[kept], np.round(intensity, 2)[kept], face[kept])
+    return Scan(xyz[kept], np.round(intensity, 2)[kept], face[kept], between[kept])
+
+
+def _beam(ray: Int[np.ndarray, ' rays'], lidar: SpinningLidar) -> Int[np.ndarray, ' rays']:
+    return ray // len(lidar.azimuths)
+
+
+def _slant(
+    distance: Float[np.ndarray, ' rays'], cosine: Float[np.ndarray, ' rays'], lidar: SpinningLidar
+) -> Float[np.ndarray, ' rays']:
+    """How much further the next column meets a surface only because the surface is slanted, metres."""
+    step: Float[np.ndarray, ' rays'] = distance * np.deg2rad(lidar.azimuth_step)
+    return step * np.sqrt(1.0 - np.minimum(cosine, 1.0) ** 2) / np.maximum(cosine, 1e-3)
+
+
+def _gains(lidar: SpinningLidar) -> Float[np.ndarray, ' beams']:
+    """Gain of each laser, the same in every scan."""
+    number = np.arange(len(lidar.elevations), dtype=np.float64)
+    scatter = (number * 0.6180339887) % 1.0  # golden ratio: neighbours differ
+    return 1.0 + lidar.laser_spread * (2.0 * scatter - 1.0)
+
+
+def _hidden(lidar: SpinningLidar) -> Float[np.ndarray, ' beams']:
+    """Share of each beam's returns that the carrying car hides."""
+    steep = (OWN_CAR[0] - lidar.elevations) / (OWN_CAR[0] - OWN_CAR[1])
+    return lidar.hidden * np.clip(steep, 0.0, 1.0)
+
+
+def _texture(xyz: Float[np.ndarray, 'points 3'], anchor: Anchor) -> Float[np.ndarray, ' points']:
+    """Reflectance about its mean: stains and patches of metres, and the grain of a decimetre."""
+    c, s = (float(v) for v in cos_sin(anchor.yaw))
+    x, y, z = xyz[:, 0], xyz[:, 1], xyz[:, 2]
+    world = np.stack([c * x - s * y + anchor.x, s * x + c * y + anchor.y, z + anchor.z], axis=1)
+    uneven = PATCHES * (noise_field(world, 1.3) - 0.5) + GRAIN * (noise_field(world, 0.11) - 0.5)
+    return np.maximum(1.0 + uneven, 0.02)
+
+
+def _edges(distance: Float[np.ndarray, ' rays'], lidar: SpinningLidar) -> Float[np.ndarray, ' rays']:
+    """How many metres further the next columns see, at most; infinite before the sky, not positive inside surfaces."""
+    image = distance.reshape(-1, len(lidar.azimuths))
+    with np.errstate(invalid='ignore'):
+        beside = np.maximum(np.roll(image, 1, axis=1), np.roll(image, -1, axis=1)) - image
+    return np.nan_to_num(beside, nan=0.0, posinf=np.inf).reshape(-1)
 
 
 def _normals(corners: Float[np.ndarray, 'faces 3 3']) -> Float[np.ndarray, 'faces 3']:

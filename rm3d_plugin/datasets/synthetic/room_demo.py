@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from rm3d_plugin.storage import write_bytes
 
-ROOMS_VERSION = 3  # raise whenever the bytes of a room change
+ROOMS_VERSION = 4  # raise whenever the bytes of a room change
 MARKER = 'demo.json'
 PARTIAL = '.partial'
 

@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 from numba import njit
 
 from rm3d_plugin.datasets.synthetic.room_scanner import Shots
+from rm3d_plugin.datasets.synthetic.room_smoothing import smooth_surface
 
 MOST_FACES = 8  # triangles at one point
 
@@ -51,6 +52,13 @@ def fuse(shots: Shots, spacing: float) -> Fused:
     # Two sides of a thin sheet in one voxel may cancel out.
     normals = np.where(length[:, None] > 1e-6, normals / np.maximum(length, 1e-6)[:, None], np.array([0.0, 0.0, 1.0]))
     return Fused(mean[:, :3], mean[:, 3:6], normals, thing, face, point)
+
+
+def smoothed(fused: Fused, spacing: float) -> Fused:
+    """The same points as a volume of signed distances has them: on one round surface, their colours run."""
+    weight = np.bincount(fused.point, minlength=len(fused.xyz)).astype(np.float64)
+    xyz, normals, colors = smooth_surface(fused.xyz, fused.normals, fused.colors, weight, spacing)
+    return fused._replace(xyz=xyz, normals=normals, colors=colors)
 
 
 @njit(cache=True)
@@ -158,14 +166,14 @@ def mesh_segments(
 ) -> Int[np.ndarray, ' points']:
     """Small segments of a mesh, as ScanNet has them: Felzenszwalb and Huttenlocher's graph segmentation (2004).
 
-    An edge weighs 1 - cosine of its points' normals, plus a share of their difference in colour. Segments never cross
-    a thing: labels are given by segments, so that a segment has one label.
+    An edge weighs 1 - cosine of its points' normals, plus a share of their difference in colour.
+    No segment crosses a border of ``thing``.
 
     Args:
         faces: Triangles.
         normals: Unit normals.
         colors: In [0, 1].
-        thing: Number of the thing of each point.
+        thing: Number of the part of the scan that each point is in; zeros: segments follow the mesh alone.
         threshold: Larger: larger segments.
         least: Segments of fewer points join a neighbour where they have one.
 

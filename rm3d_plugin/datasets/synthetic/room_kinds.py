@@ -11,21 +11,21 @@ from rm3d_plugin.datasets.synthetic import room_seats as seats
 from rm3d_plugin.datasets.synthetic import room_storage as storage
 from rm3d_plugin.datasets.synthetic import room_tables as tables
 from rm3d_plugin.datasets.synthetic.road_users import pick
+from rm3d_plugin.datasets.synthetic.room_filling import add_clutter, ahead, lay_clutter, line_walls, wall_thing
 from rm3d_plugin.datasets.synthetic.room_layout import HALF_TURN, Layout, Pose, Rect, footprint
 from rm3d_plugin.datasets.synthetic.room_materials import USUAL_COLORS, USUAL_SHARE, Palette, in_usual_color
-from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES, Thing, Top
-from rm3d_plugin.datasets.synthetic.shapes import cos_sin
+from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES, Thing
 
 # Metres: length, width, height.
 _SIZES = {
-    'office': ((3.0, 4.4), (2.7, 3.8), (2.4, 2.8)),
-    'bedroom': ((3.1, 4.2), (2.9, 3.7), (2.4, 2.7)),
-    'kitchen': ((2.8, 4.0), (2.4, 3.3), (2.4, 2.7)),
-    'bathroom': ((2.3, 3.2), (1.9, 2.7), (2.3, 2.6)),
-    'living': ((3.6, 4.8), (3.2, 4.2), (2.4, 2.8)),
-    'studio': ((4.2, 5.2), (3.5, 4.3), (2.4, 2.7)),
-    'conference': ((4.0, 6.0), (3.2, 4.4), (2.5, 3.0)),
-    'hallway': ((4.8, 7.5), (1.5, 2.3), (2.4, 2.9)),
+    'office': ((5.6, 7.6), (3.0, 4.0), (2.4, 2.8)),
+    'bedroom': ((5.4, 7.0), (3.0, 3.9), (2.4, 2.7)),
+    'kitchen': ((5.4, 7.0), (2.4, 3.0), (2.4, 2.7)),
+    'bathroom': ((5.0, 6.2), (1.9, 2.6), (2.3, 2.6)),
+    'living': ((6.2, 8.2), (3.2, 4.2), (2.4, 2.8)),
+    'studio': ((6.4, 8.4), (3.2, 4.1), (2.4, 2.7)),
+    'conference': ((6.0, 8.0), (2.9, 3.6), (2.5, 3.0)),
+    'hallway': ((6.5, 9.5), (1.5, 2.1), (2.4, 2.9)),
 }
 
 
@@ -49,8 +49,10 @@ def random_layout(rng: np.random.Generator, kind: str, structure: float) -> Layo
         plan.add_beams(layout)
     plan.add_door(layout)
     _FURNISH[kind](layout)
-    for _ in range(2 + int(rng.random() * (2 if kind == 'bathroom' else 6))):
-        layout.somewhere([clutter.floor_clutter(rng, layout.palette)], tries=6)
+    if kind != 'bathroom' and length * width > 18 and rng.random() < 0.35:
+        _FURNISH[kind](layout)  # a long room has two zones
+    line_walls(layout)
+    add_clutter(layout)
     plan.close_shell(layout, wet=kind == 'bathroom')
     layout.things = [_as_usual(item, rng) for item in layout.things]
     return layout
@@ -65,36 +67,10 @@ def _as_usual(item: Thing, rng: np.random.Generator) -> Thing:
     return Thing(item.name, parts, item.tops)
 
 
-def lay_clutter(layout: Layout, pose: Pose, tops: tuple[Top, ...], amount: float) -> None:
-    """Scatter small things over surfaces of a thing that stands at a pose; amount = how many, on average."""
-    rng = layout.rng
-    c, s = (float(v) for v in cos_sin(pose.yaw))
-    for top in tops:
-        placed: list[tuple[float, float]] = []
-        for _ in range(int(rng.random() * 2 * amount + 0.5)):
-            x, y = pick(rng, *top.x), pick(rng, *top.y)
-            if all((x - a) ** 2 + (y - b) ** 2 > 0.06 for a, b in placed):
-                placed.append((x, y))
-                spot = Pose(pose.x + c * x - s * y, pose.y + s * x + c * y, pick(rng, -HALF_TURN, HALF_TURN))
-                layout.put([clutter.table_clutter(rng, layout.palette)], spot, top.z)
-
-
-def _wall_thing(layout: Layout, item: Thing, amount: float = 1.0) -> Pose | None:
-    pose = layout.against_wall([item], tries=30)
-    if pose is not None:
-        lay_clutter(layout, pose, item.tops, amount)
-    return pose
-
-
-def _ahead(pose: Pose, forward: float, left: float = 0.0, turn: float = 0.0) -> Pose:
-    c, s = (float(v) for v in cos_sin(pose.yaw))
-    return Pose(pose.x + c * forward - s * left, pose.y + s * forward + c * left, pose.yaw + turn)
-
-
 def _seat_at(layout: Layout, pose: Pose, item: Thing, below: Rect) -> None:
     """A chair that may reach under a table; pushed in by chance, a little turned."""
     rng = layout.rng
-    layout.stand([item], _ahead(pose, pick(rng, -0.22, 0.03), 0.0, pick(rng, -0.35, 0.35)), below=below)
+    layout.stand([item], ahead(pose, pick(rng, -0.22, 0.03), 0.0, pick(rng, -0.35, 0.35)), below=below)
 
 
 def _add_desk(layout: Layout) -> None:
@@ -109,13 +85,13 @@ def _add_desk(layout: Layout) -> None:
     depth, height = item.tops[0].x[1] + 0.15, item.tops[0].z
     for i in range(int(rng.random() * 2.6)):
         layout.put(
-            [clutter.monitor(rng, palette)], _ahead(pose, -0.12, (-0.3, 0.32)[i % 2], pick(rng, -0.3, 0.3)), height
+            [clutter.monitor(rng, palette)], ahead(pose, -0.12, (-0.3, 0.32)[i % 2], pick(rng, -0.3, 0.3)), height
         )
     if rng.random() < 0.85:
         kind = seats.office_chair if rng.random() < 0.7 else seats.chair
         below = footprint([item], pose)
         at = next((rect for rect in layout.taken if rect == below), below)
-        _seat_at(layout, _ahead(pose, depth + 0.3, pick(rng, -0.2, 0.2), HALF_TURN), kind(rng, palette), at)
+        _seat_at(layout, ahead(pose, depth + 0.3, pick(rng, -0.2, 0.2), HALF_TURN), kind(rng, palette), at)
 
 
 def _add_table(layout: Layout, places: int, wall: float = 0.3) -> None:
@@ -140,7 +116,7 @@ def _add_table(layout: Layout, places: int, wall: float = 0.3) -> None:
     for x, y, turn in spots:
         if rng.random() < 0.75:
             twin = np.random.Generator(np.random.PCG64(int(state)))
-            _seat_at(layout, _ahead(pose, x, y, turn), make(twin, Palette(twin)), below)
+            _seat_at(layout, ahead(pose, x, y, turn), make(twin, Palette(twin)), below)
 
 
 def _spread(width: float) -> list[float]:
@@ -174,11 +150,11 @@ def _office(layout: Layout) -> None:
         _add_desk(layout)
     for maker, most in ((storage.bookshelf, 2.4), (storage.cabinet, 2.8)):
         for _ in range(int(rng.random() * most + 0.5)):
-            _wall_thing(layout, maker(rng, palette))
+            wall_thing(layout, maker(rng, palette))
     if rng.random() < 0.6:
         _add_table(layout, 4)
     if rng.random() < 0.4:
-        _wall_thing(layout, seats.sofa(rng, palette))
+        wall_thing(layout, seats.sofa(rng, palette))
     if rng.random() < 0.4:
         layout.somewhere([seats.armchair(rng, palette)])
     if rng.random() < 0.5:
@@ -191,7 +167,7 @@ def _bedroom(layout: Layout) -> None:
     _add_bed(layout)
     plan.add_window(layout, curtains=0.85)
     if rng.random() < 0.8:
-        _wall_thing(layout, storage.wardrobe(rng, palette))
+        wall_thing(layout, storage.wardrobe(rng, palette))
     for maker, chance in (
         (storage.dresser, 0.4),
         (storage.cabinet, 0.5),
@@ -199,11 +175,11 @@ def _bedroom(layout: Layout) -> None:
         (seats.armchair, 0.35),
     ):
         if rng.random() < chance:
-            _wall_thing(layout, maker(rng, palette))
+            wall_thing(layout, maker(rng, palette))
     if rng.random() < 0.9:
         _add_desk(layout)
     if rng.random() < 0.3:
-        _wall_thing(layout, seats.sofa(rng, palette))
+        wall_thing(layout, seats.sofa(rng, palette))
     if rng.random() < 0.35:
         layout.somewhere([seats.ottoman(rng, palette)])
     if rng.random() < 0.4:
@@ -225,7 +201,7 @@ def _add_bed(layout: Layout) -> None:
     for side in (-1.0, 1.0):
         if rng.random() < 0.7:
             item = storage.nightstand(rng, palette)
-            spot = _ahead(pose, float(low[0]) + 0.25, side * (float(high[1]) + 0.32))
+            spot = ahead(pose, float(low[0]) + 0.25, side * (float(high[1]) + 0.32))
             if layout.stand([item], spot):
                 lay_clutter(layout, spot, item.tops, 0.8)
 
@@ -251,7 +227,7 @@ def _kitchen(layout: Layout) -> None:
     if rng.random() < 0.95:
         _add_table(layout, 4, wall=0.5)
     if rng.random() < 0.4:
-        _wall_thing(layout, storage.cabinet(rng, palette))
+        wall_thing(layout, storage.cabinet(rng, palette))
     if rng.random() < 0.5:
         _add_radiator(layout)
     _hang_pictures(layout, 2)
@@ -276,7 +252,7 @@ def _bathroom(layout: Layout) -> None:
     if rng.random() < 0.6:
         plan.add_window(layout, curtains=0.3, small=True)
     if pose is None or rng.random() < 0.4:
-        _wall_thing(layout, storage.cabinet(rng, palette))
+        wall_thing(layout, storage.cabinet(rng, palette))
     if rng.random() < 0.5:
         _add_radiator(layout)
     if rng.random() < 0.4:
@@ -296,7 +272,7 @@ def _lounge(layout: Layout) -> None:
         lay_clutter(layout, pose, item.tops, 0.5)
     if rng.random() < 0.85:
         low = tables.coffee_table(rng, palette)
-        spot = _ahead(pose, float(item.bounds[1][0]) + 0.35 - float(low.bounds[0][0]), pick(rng, -0.2, 0.2))
+        spot = ahead(pose, float(item.bounds[1][0]) + 0.35 - float(low.bounds[0][0]), pick(rng, -0.2, 0.2))
         if layout.stand([low], spot):
             lay_clutter(layout, spot, low.tops, 1.5)
 
@@ -315,7 +291,7 @@ def _living(layout: Layout) -> None:
         (storage.bookshelf, 0.3),
     ):
         if rng.random() < chance:
-            _wall_thing(layout, maker(rng, palette))
+            wall_thing(layout, maker(rng, palette))
     for maker, chance in ((seats.armchair, 0.7), (seats.ottoman, 0.5), (seats.armchair, 0.3)):
         if rng.random() < chance:
             layout.somewhere([maker(rng, palette)])
@@ -341,9 +317,9 @@ def _studio(layout: Layout) -> None:
     if rng.random() < 0.9:
         _add_desk(layout)
     if rng.random() < 0.65:
-        _wall_thing(layout, storage.bookshelf(rng, palette))
+        wall_thing(layout, storage.bookshelf(rng, palette))
     if rng.random() < 0.5:
-        _wall_thing(layout, storage.wardrobe(rng, palette))
+        wall_thing(layout, storage.wardrobe(rng, palette))
     if rng.random() < 0.7:
         _add_table(layout, 4)
     _hang_pictures(layout, 3)
@@ -360,7 +336,7 @@ def _conference(layout: Layout) -> None:
         _add_tv(layout)
     for maker, chance in ((storage.cabinet, 0.6), (storage.bookshelf, 0.35), (storage.cabinet, 0.3), (seats.sofa, 0.5)):
         if rng.random() < chance:
-            _wall_thing(layout, maker(rng, palette))
+            wall_thing(layout, maker(rng, palette))
     for _ in range(int(rng.random() * 3)):
         layout.against_wall([seats.chair(rng, palette)], gap=0.08)
     if rng.random() < 0.5:
@@ -381,7 +357,7 @@ def _hallway(layout: Layout) -> None:
         (seats.armchair, 0.3),
     ):
         if rng.random() < chance:
-            _wall_thing(layout, maker(rng, palette))
+            wall_thing(layout, maker(rng, palette))
     if rng.random() < 0.5:
         _add_radiator(layout)
     if rng.random() < 0.3:

@@ -15,6 +15,7 @@ from rm3d_plugin.datasets.synthetic.room_materials import Lamp, Palette
 from rm3d_plugin.datasets.synthetic.room_things import Thing, block, holed_sheet, thing
 from rm3d_plugin.datasets.synthetic.shapes import cos_sin, join, quads
 
+TOUCH = 0.006  # m between things that touch
 DOOR_CLEAR = 0.75  # m in front of a door that stay free
 HALF_TURN = float(np.pi)
 
@@ -61,6 +62,9 @@ class Pose(NamedTuple):
 
 def overlap(a: Rect, b: Rect) -> bool:
     """Whether two turned rectangles overlap (separating axes)."""
+    reach = (a.half_x**2 + a.half_y**2) ** 0.5 + (b.half_x**2 + b.half_y**2) ** 0.5
+    if (a.x - b.x) ** 2 + (a.y - b.y) ** 2 > reach * reach:
+        return False  # the circles around them are apart
     pa, pb = a.corners(), b.corners()
     for yaw in (a.yaw, b.yaw):
         c, s = (float(v) for v in cos_sin(yaw))
@@ -123,7 +127,7 @@ class Layout:
         """Add things there without any check."""
         self.things += [item.moved((pose.x, pose.y, z), pose.yaw) for item in group]
 
-    def stand(self, group: Sequence[Thing], pose: Pose, gap: float = 0.02, below: Rect | None = None) -> bool:
+    def stand(self, group: Sequence[Thing], pose: Pose, gap: float = 0.005, below: Rect | None = None) -> bool:
         """Put a group on the floor if its place is free; ``below`` is an area that it may reach into."""
         rect = footprint(group, pose)
         taken = self.taken
@@ -137,7 +141,7 @@ class Layout:
         return free
 
     def against_wall(
-        self, group: Sequence[Thing], gap: float = 0.03, wall: int | None = None, tries: int = 14
+        self, group: Sequence[Thing], gap: float = 0.0, wall: int | None = None, tries: int = 14
     ) -> Pose | None:
         """Put a group with its back to a wall, somewhere free."""
         rng = self.rng
@@ -146,15 +150,27 @@ class Layout:
         for _ in range(tries):
             side = int(rng.random() * 4) if wall is None else wall
             room = self.wall_length(side) - 2 * half
-            along = half + (pick(rng, 0.0, room) if rng.random() < 0.7 else (0.02, room - 0.02)[int(rng.random() * 2)])
+            along = self._along(side, half, room)
             span = Span(along - half, along + half, 0.0, float(high[2]))
-            pose = self.wall_pose(side, along, gap + pick(rng, 0.0, 0.04) - float(low[0]))
+            pose = self.wall_pose(side, along, gap + pick(rng, 0.0, 0.03) - float(low[0]))
             if room < 0.04 or any(span.meets(other) for other in self.spans[side]):
                 continue
             if self.stand(group, pose):
                 self.spans[side].append(span)
                 return pose
         return None
+
+    def _along(self, side: int, half: float, room: float) -> float:
+        """A place along a wall: anywhere, in a corner, or touching what stands there already."""
+        rng = self.rng
+        chance, which, after = rng.random(), rng.random(), rng.random() < 0.5
+        standing = [span for span in self.spans[side] if span.low < 0.3]
+        if chance < 0.45 and standing:
+            span = standing[int(which * len(standing))]
+            return span.end + half + TOUCH if after else span.start - half - TOUCH
+        if chance < 0.65:
+            return half + (TOUCH if after else room - TOUCH)
+        return half + which * room
 
     def somewhere(
         self, group: Sequence[Thing], tries: int = 14, margin: float = 0.0, straight: float = 0.6

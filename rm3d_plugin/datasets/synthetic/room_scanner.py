@@ -4,7 +4,7 @@ Each image is a depth buffer over the room's triangles; no library's rounding en
 What a camera misses stays a hole: behind furniture, at grazing angles, on glass, far away.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -15,9 +15,13 @@ from rm3d_plugin.datasets.synthetic.road_users import pick
 from rm3d_plugin.datasets.synthetic.room_layout import Layout, Rect
 from rm3d_plugin.datasets.synthetic.room_materials import shaded_colors
 from rm3d_plugin.datasets.synthetic.shapes import cos_sin
+from rm3d_plugin.datasets.synthetic.texture import noise_field
 
 Scanner = Literal['handheld', 'tripod']
 HALF_WIDTH, HALF_HEIGHT = 0.62, 0.47  # tangents of half the angles of view: 64 x 50 degrees
+WARP_WIDTH = 0.07  # of the image's half width in tangents: 15 cm at a typical distance
+AMBIENT, GREY = 0.1, 0.48  # light from everywhere; mean of an image after exposure
+OFFSET, BLUR = 1.0, 0.4  # pixels between colour and depth (deviation); share of a pixel's neighbours in its colour
 TYPICAL = 2.2  # m; a pixel is as wide there as the fused points are apart
 
 
@@ -30,6 +34,7 @@ class DepthCamera:
         rows: Pixels down.
         near, far: Metres along the view that it can measure.
         noise: Standard deviation of the depth in metres at 1 m; it grows with the square of the depth.
+        warp: Half width of the smooth error of the depth in metres; grows with 1.5 + the square of the depth.
         drift: Standard deviation of a pose's error: metres, and radians times 4.
         lost: Share of pixels lost at random.
     """
@@ -37,9 +42,10 @@ class DepthCamera:
     columns: int
     rows: int
     near: float = 0.35
-    far: float = 5.5
+    far: float = 4.0
     noise: float = 0.0007
-    drift: float = 0.002
+    warp: float = 0.0075
+    drift: float = 0.008
     lost: float = 0.03
 
     @staticmethod
@@ -47,7 +53,13 @@ class DepthCamera:
         """A camera whose pixels are ``spacing`` metres wide at a typical distance."""
         columns = round(2 * HALF_WIDTH * TYPICAL / spacing)
         rows = round(2 * HALF_HEIGHT * TYPICAL / spacing)
-        return DepthCamera(columns, rows, far=5.5 if scanner == 'handheld' else 12.0)
+        if scanner == 'handheld':
+            return DepthCamera(columns, rows)
+        return DepthCamera(columns, rows, far=12.0, noise=0.0005, warp=0.0045)
+
+    def of_quality(self, factor: float) -> 'DepthCamera':
+        """The same camera, its errors larger by a factor."""
+        return replace(self, noise=factor * self.noise, warp=factor * self.warp, drift=factor * self.drift)
 
     @property
     def pitch(self) -> float:
@@ -140,7 +152,7 @@ def plan_views(layout: Layout, scanner: Scanner, rng: np.random.Generator) -> li
     if scanner == 'tripod':
         return _tripod_views(layout, rng)
     length, width, _ = layout.size
-    stops = 2 + int(length * width / 5)
+    stops = 2 + int(length * width / 6)
     views = []
     for _ in range(stops):
         x, y = _standing_place(layout, rng)
@@ -148,7 +160,7 @@ def plan_views(layout: Layout, scanner: Scanner, rng: np.random.Generator) -> li
         start = np.arctan2(width / 2 - y, length / 2 - x) + pick(rng, -1.4, 1.4)
         for k in range(5):
             yaw = float(np.round(start, 9)) + (k - 2) * pick(rng, 0.35, 0.75)
-            pitch = pick(rng, -0.8, 0.05) if rng.random() < 0.88 else pick(rng, 0.1, 0.5)
+            pitch = pick(rng, -0.9, -0.1) if rng.random() < 0.92 else pick(rng, -0.1, 0.4)
             views.append(view_from((x, y, pick(rng, 1.25, 1.7)), yaw, pitch))
             x, y = _step(layout, rng, x, y)
     return views
@@ -214,14 +226,64 @@ def _one_image(
     keep = ~lost & (cosine > 0.08 + 0.14 * chance[1, hit]) & (deep >= camera.near) & (deep <= camera.far)
     hit, normal, ray, deep, slope = hit[keep], normal[keep], ray[keep], deep[keep], slope[keep]
     true = view.place + ray * deep[:, None]
-    noisy = deep + camera.noise * noise[hit] * (0.4 + deep * deep)
+    warp = camera.warp * (1.5 + deep * deep) * _image_noise(camera, errors[0])[hit]
+    noisy = deep + warp + camera.noise * noise[hit] * (0.4 + deep * deep)
     xyz = _drifted(view.place + ray * noisy[:, None], view.place, camera.drift * errors)
     facing = normal * np.where(slope > 0, -1.0, 1.0)[:, None]
-    lit = shaded_colors(true, facing, surfaces.material[face[hit]], surfaces.materials, layout.lamps, 0.3)
-    colors = np.clip(lit * (gain * tint) + 0.015 * grain[hit], 0.0, 1.0)
+    lit = shaded_colors(true, facing, surfaces.material[face[hit]], surfaces.materials, layout.lamps, AMBIENT)
+    lit = lit * (_exposure(lit, gain) * tint) * _vignette(camera)[hit, None]
+    colors = np.clip(_bled(np.clip(lit, 0.0, 1.0), hit, camera, errors[1:3]) + 0.03 * grain[hit], 0.0, 1.0)
     kept = np.zeros(count, dtype=bool)
     kept[hit] = True
     return kept, xyz, colors, facing, face[hit]
+
+
+def _exposure(lit: Float[np.ndarray, 'pixels 3'], gain: float) -> float:
+    """Automatic exposure: the mean of an image is grey, about."""
+    mean = float(lit.sum()) / max(lit.size, 1)
+    return gain * GREY / max(round(mean, 9), 0.05)
+
+
+def _vignette(camera: DepthCamera) -> Float[np.ndarray, ' rays']:
+    """Lenses darken towards the corners, by the fourth power of the cosine."""
+    row, column = np.divmod(np.arange(camera.rows * camera.columns), camera.columns)
+    u = (column + 0.5) * camera.pitch - HALF_WIDTH
+    v = (row + 0.5) * (2 * HALF_HEIGHT / camera.rows) - HALF_HEIGHT
+    falloff: Float[np.ndarray, ' rays'] = 1.0 / (1.0 + u * u + v * v) ** 2
+    return falloff
+
+
+def _bled(
+    colors: Float[np.ndarray, 'pixels 3'], hit: Int[np.ndarray, ' pixels'], camera: DepthCamera, error: np.ndarray
+) -> Float[np.ndarray, 'pixels 3']:
+    """Colours as they fall onto depths: blurred by motion, and beside the edge they belong to.
+
+    The colour camera stands beside the depth camera and is not quite in time with it, so each image is off by up to
+    two pixels or so.
+    """
+    row, column = np.divmod(hit, camera.columns)
+    image = np.full((camera.rows * camera.columns, 3), np.nan)
+    image[hit] = colors
+    total, weight = np.zeros_like(colors), np.zeros(len(hit))
+    across, down = (OFFSET * float(e) for e in error)
+    for dr in (-1, 0, 1):
+        for dc in (-1, 0, 1):
+            r = np.clip(np.floor(row + dr + down + 0.5), 0, camera.rows - 1).astype(np.int64)
+            c = np.clip(np.floor(column + dc + across + 0.5), 0, camera.columns - 1).astype(np.int64)
+            seen = image[r * camera.columns + c]
+            share = np.where(np.isfinite(seen[:, 0]), (1.0, BLUR)[abs(dr)] * (1.0, BLUR)[abs(dc)], 0.0)
+            total += share[:, None] * np.nan_to_num(seen)
+            weight += share
+    found = weight > 0
+    return np.where(found[:, None], total / np.maximum(weight, 1e-9)[:, None], colors)
+
+
+def _image_noise(camera: DepthCamera, seed: float) -> Float[np.ndarray, ' rays']:
+    """Smooth noise in [-1, 1] over an image, as wide as the speckles that structured light is matched by."""
+    row, column = np.divmod(np.arange(camera.rows * camera.columns), camera.columns)
+    size = WARP_WIDTH / camera.pitch
+    place = np.stack([column / size, row / size, np.full(len(row), 100.0 * np.round(seed, 6))], axis=1)
+    return 2.0 * noise_field(place, 1.0) - 1.0
 
 
 def _drifted(

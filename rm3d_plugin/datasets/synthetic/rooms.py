@@ -9,7 +9,8 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from rm3d_plugin.datasets.synthetic.room_fusion import fuse, mesh_faces, mesh_segments
+from rm3d_plugin.datasets.synthetic.room_annotation import CUT, SMALL, annotate, cut_parts, overlooked
+from rm3d_plugin.datasets.synthetic.room_fusion import fuse, mesh_faces, mesh_segments, smoothed
 from rm3d_plugin.datasets.synthetic.room_kinds import random_layout
 from rm3d_plugin.datasets.synthetic.room_layout import Layout
 from rm3d_plugin.datasets.synthetic.room_scanner import DepthCamera, Scanner, View, plan_views, shoot, surfaces_of
@@ -23,6 +24,9 @@ TURNS = tuple(
     for pair in (('bathroom', 'conference'), ('conference', 'hallway'), ('office', 'conference'))
     for kind in ('office', 'bathroom', 'bedroom', 'kitchen', 'living', 'studio', *pair)
 )
+SEGMENT = 0.25  # threshold of the segments that people colour
+SEGMENT_AREA = 0.025  # m^2; smaller segments join a neighbour
+MISSED = (-0.2, 0.15)  # about the share of the small segments that are not annotated
 FINEST, COARSEST = 0.002, 0.2  # m
 
 
@@ -121,12 +125,21 @@ def scan_room(
     layout: Layout, views: list[View], spacing: float, scanner: Scanner, rng: np.random.Generator
 ) -> RoomScan:
     """Scan a room from given views."""
-    camera = DepthCamera.for_spacing(spacing, scanner)
+    camera = DepthCamera.for_spacing(spacing, scanner).of_quality(0.7 + 0.6 * rng.random())
     shots = shoot(layout, surfaces_of(layout), views, camera, rng)
-    fused = fuse(shots, spacing)
+    fused = smoothed(fuse(shots, spacing), spacing)
     faces = mesh_faces(fused, shots, 2.5 * spacing + 4 * camera.pitch)
-    segment = mesh_segments(faces, fused.normals, fused.colors, fused.thing)
-    seen, instance = np.unique(fused.thing, return_inverse=True)
+    names = [item.name for item in layout.things]
+    least, cut, small = (max(1, round(area / spacing**2)) for area in (SEGMENT_AREA, CUT, SMALL))
+    segment = mesh_segments(faces, fused.normals, fused.colors, np.zeros_like(fused.thing), SEGMENT, least)
+    pieces = cut_parts(segment, fused.thing, len(names), cut)
+    segment = mesh_segments(faces, fused.normals, fused.colors, pieces, SEGMENT, least)
+    thing = annotate(segment, fused.thing, len(names))
+    missed = MISSED[0] + (MISSED[1] - MISSED[0]) * rng.random()
+    if scanner == 'handheld':  # areas that a tripod scanned were annotated completely
+        names.append('object')
+        thing = np.where(overlooked(fused.xyz, segment, missed, small), len(layout.things), thing)
+    seen, instance = np.unique(thing, return_inverse=True)
     alignment = _random_alignment(rng)
     back = _inverse(alignment)
     xyz = _apply(back, fused.xyz).astype(np.float32)
@@ -139,7 +152,7 @@ def scan_room(
         instance.astype(np.int64),
         segment,
         faces,
-        tuple(layout.things[k].name for k in seen),
+        tuple(names[k] for k in seen),
         alignment,
     )
 

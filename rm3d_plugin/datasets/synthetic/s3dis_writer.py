@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.datasets.synthetic.room_demo import ROOMS_VERSION, fill_demo
 from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES
-from rm3d_plugin.datasets.synthetic.rooms import SPACING, RoomScan, make_room
+from rm3d_plugin.datasets.synthetic.rooms import RoomScan, make_room
 from rm3d_plugin.storage import write_bytes
 
 README = """This folder is SYNTHETIC. rm3d_plugin made it: parametric rooms, scanned by a virtual depth camera.
@@ -16,6 +16,7 @@ The files have the format of S3DIS, but none of the content comes from S3DIS, an
 real data. demo.json holds the parameters; delete the folder to make it afresh.
 """
 AREAS = 6
+SPACING = 0.045  # m between points; a tripod sees the whole of a room
 # Kinds of rooms in turn, and S3DIS' names of them.
 ROOM_TYPES = (
     ('office', 'office'), ('conference', 'conferenceRoom'), ('living', 'lounge'), ('hallway', 'hallway'),

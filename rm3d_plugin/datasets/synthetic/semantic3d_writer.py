@@ -90,7 +90,9 @@ def make_semantic3d_streets(
 def make_scanner(step: float) -> SpinningLidar:
     """A terrestrial scanner: as dense upwards as around, precise, blind above 50 degrees."""
     tilts = tuple(round(TOP - i * step, 6) for i in range(int((TOP - BOTTOM) / step + 1e-9) + 1))
-    return SpinningLidar(step, max_range=70.0, range_noise=0.006, lost=0.02, tilts=tilts)
+    return SpinningLidar(
+        step, max_range=70.0, range_noise=0.006, lost=0.02, mixed=0.05, laser_spread=0.0, hidden=0.0, tilts=tilts
+    )
 
 
 def make_station(seed: int, number: int, scanner: SpinningLidar) -> tuple[Int[np.ndarray, 'points 7'], np.ndarray]:

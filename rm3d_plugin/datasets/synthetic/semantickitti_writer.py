@@ -29,6 +29,7 @@ The files have the format of SemanticKITTI, but none of the content comes from i
 about real data. demo.json holds the parameters; delete the folder to make it afresh.
 """
 STEP = 1.0  # m between two scans of a street
+LABELLED = 51.5  # m; beyond, real scans are not labelled
 # Raw ids; walls and guard rails count as fences there, traffic lights, bins and the like as other objects.
 RAW_IDS = {
     Part.OBJECT: 99, Part.ROAD: 40, Part.PARKING: 44, Part.SIDEWALK: 48, Part.TERRAIN: 72, Part.BUILDING: 50,
@@ -131,14 +132,20 @@ def make_scan(seed: int, street: int, step: int, lidar: SpinningLidar) -> tuple[
 
 
 def raw_labels(scan: LabelledScan) -> tuple[Int[np.ndarray, ' points'], Int[np.ndarray, ' points']]:
-    """Raw ids, and instance numbers from 1 for things, 0 elsewhere; every third thing that can move does."""
+    """Raw ids, and instance numbers from 1 for things, 0 elsewhere; every third thing that can move does.
+
+    As in real scans nobody labels what lies far away, what lies between two things, and some of what has no class.
+    """
     table = np.zeros(len(Part), dtype=np.int64)
     moving = np.zeros(len(Part), dtype=np.int64)
     for part, raw in RAW_IDS.items():
         table[part], moving[part] = raw, MOVING.get(raw, raw)
-    resting = table[scan.part]
+    reach = np.sqrt(scan.xyz[:, 0] ** 2 + scan.xyz[:, 1] ** 2)
+    forgotten = (scan.part == Part.OBJECT) & (scan.thing % 2 == 1)
+    labelled = (reach < LABELLED) & ~scan.mixed & ~forgotten
+    resting = np.where(labelled, table[scan.part], 0)
     instance = np.where(np.isin(resting, _THINGS), scan.thing + 1, 0)
-    return np.where(scan.thing % 3 == 0, moving[scan.part], resting), instance
+    return np.where(labelled & (scan.thing % 3 == 0), moving[scan.part], resting), instance
 
 
 def camera_pose(lidar_pose: Float[np.ndarray, '4 4']) -> Float[np.ndarray, '4 4']:

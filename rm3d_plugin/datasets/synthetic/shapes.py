@@ -6,7 +6,7 @@ any mathematics library.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -141,7 +141,7 @@ def leaves(rng: np.random.Generator, center: Point, radii: Point, count: int, si
         radii: Its half axes.
         count: Number of triangles.
         size: Edge length, roughly.
-        reflectance: In [0, 1].
+        reflectance: In [0, 1], of a leaf on average; each has its own.
     """
     around = 2 * rng.random((count, 3)) - 1
     length = np.sqrt(around[:, 0] ** 2 + around[:, 1] ** 2 + around[:, 2] ** 2)
@@ -150,7 +150,7 @@ def leaves(rng: np.random.Generator, center: Point, radii: Point, count: int, si
     corners = (around * np.asarray(radii) + np.asarray(center))[:, None] + (
         rng.random((count, 3, 3)) - 0.5
     ) * size * 1.6
-    return mesh(corners, reflectance)
+    return replace(mesh(corners, reflectance), reflectance=reflectance * (0.75 + 0.5 * rng.random(count)))
 
 
 def disc_ring(center: Point, radius: float, width: float, reflectance: float, sides: int = 14) -> Mesh:

@@ -5,6 +5,7 @@ import numpy as np
 from rm3d_plugin.datasets.synthetic.parts import Part
 from rm3d_plugin.datasets.synthetic.road_users import cyclist, pick
 from rm3d_plugin.datasets.synthetic.shapes import Mesh, box, ellipsoid, join, tube
+from rm3d_plugin.datasets.synthetic.street_ground import PARKING
 from rm3d_plugin.datasets.synthetic.streets import Street, footprint
 
 Size = tuple[float, float, float]
@@ -14,12 +15,12 @@ _TYRE = 0.06
 def add_extras(street: Street, rng: np.random.Generator) -> None:
     """Put them into a finished street, where there is room."""
     road = street.road
-    oncoming = road.left - (2.2 if road.parked_left else 0.0) - 1.9
+    oncoming = road.left - (PARKING if road.parked_left else 0.0) - 1.9
     for _ in range(1 + int(rng.random() * 2.5)):
         maker = (truck, truck, bus)[int(rng.random() * 3)]
         ahead = rng.random() < 0.4
         offset, turn = (0.0, 0.0) if ahead else (oncoming, float(np.pi))
-        _put(street, *maker(rng), pick(rng, 9.0, 55.0), offset, turn + pick(rng, -0.04, 0.04))
+        _put(street, *maker(rng), pick(rng, 14.0, 55.0), offset, turn + pick(rng, -0.04, 0.04))
     for side in (road.left, road.right):
         out = float(np.sign(side))
         for _ in range(int(rng.random() * 3)):
@@ -124,6 +125,6 @@ def traffic_light(rng: np.random.Generator) -> Mesh:
 def guardrail(rng: np.random.Generator, length: float) -> Mesh:
     """A steel rail on posts, along x."""
     high = pick(rng, 0.65, 0.8)
-    posts = [box((float(x), 0, high / 2), (0.1, 0.1, high), 0.5) for x in np.arange(-length / 2, length / 2, 2.0)]
-    rails = [box((0, -0.08, high - d), (length, 0.05, 0.13), 0.6) for d in (0.1, 0.28)]
+    posts = [box((float(x), 0, high / 2), (0.1, 0.1, high), 0.42) for x in np.arange(-length / 2, length / 2, 2.0)]
+    rails = [box((0, -0.08, high - d), (length, 0.05, 0.13), 0.45) for d in (0.1, 0.28)]
     return join(posts + rails).named(Part.GUARDRAIL)

@@ -6,56 +6,66 @@ from rm3d_plugin.datasets.synthetic.parts import Part
 from rm3d_plugin.datasets.synthetic.road_users import bicycle, pick, vary
 from rm3d_plugin.datasets.synthetic.shapes import Mesh, box, ellipsoid, join, leaves, quads, tube
 
-_GREEN = 0.3
-_BARK = 0.2
+_GREEN = 0.45
 _GLASS = (0.1, 0.8)  # reflectance, drop-out
 
 
 def tree(rng: np.random.Generator) -> Mesh:
-    """A trunk and a crown of a few leafy clumps, 4 to 9 m high."""
-    height, trunk = pick(rng, 4.0, 9.0), pick(rng, 0.1, 0.24)
-    base = pick(rng, 1.2, 2.6)
+    """A trunk and a crown of a few leafy clumps, 3 to 9 m high; the crowns of some hang low."""
+    height, trunk = pick(rng, 3.0, 9.0), pick(rng, 0.06, 0.2)
+    base, bark = pick(rng, 0.2, 2.2), pick(rng, 0.36, 0.5)
     parts = [
         tube(
-            (0, 0, -0.3), (pick(rng, -0.3, 0.3), pick(rng, -0.3, 0.3), base + 0.8), (trunk, trunk * 0.75), _BARK, 8
+            (0, 0, -0.3), (pick(rng, -0.3, 0.3), pick(rng, -0.3, 0.3), base + 0.8), (trunk, trunk * 0.75), bark, 8
         ).named(Part.TRUNK)
     ]
-    for _ in range(3 + int(rng.random() * 3)):
+    for i in range(3 + int(rng.random() * 3)):
         wide = pick(rng, 0.8, 1.7)
-        center = (pick(rng, -1, 1), pick(rng, -1, 1), pick(rng, base + 0.8, max(height - 0.8, base + 1.0)))
-        parts.append(leaves(rng, center, (wide, wide, wide * 0.8), int(110 * wide), 0.35, _GREEN))
+        top = base + 0.9 if i == 0 else max(height - 0.8, base + 1.0)
+        center = (pick(rng, -1, 1), pick(rng, -1, 1), pick(rng, base + 0.7, top))
+        parts.append(leaves(rng, center, (wide, wide, wide * 0.8), int(130 * wide), 0.4, _GREEN))
     return join(parts).named(Part.CROWN)
 
 
 def bush(rng: np.random.Generator) -> Mesh:
     """A leafy ball: often as high as a person, sometimes as long as a car."""
-    long, wide, high = pick(rng, 0.3, 1.4), pick(rng, 0.3, 0.8), pick(rng, 0.4, 1.0)
-    clump = leaves(rng, (0, 0, high * 0.9), (long, wide, high), int(260 * long * (wide + high)), 0.22, _GREEN)
+    long, wide, high = pick(rng, 0.4, 1.6), pick(rng, 0.4, 1.1), pick(rng, 0.4, 1.2)
+    clump = leaves(rng, (0, 0, high * 0.9), (long, wide, high), int(200 * long * (wide + high)), 0.22, _GREEN)
     core = ellipsoid((0, 0, high * 0.85), (long * 0.6, wide * 0.6, high * 0.75), _GREEN)
     return join([clump, core]).named(Part.VEGETATION)
 
 
 def hedge(rng: np.random.Generator, length: float) -> Mesh:
-    """A cut hedge along x, 1 to 1.8 m high."""
-    high, wide = pick(rng, 1.0, 1.8), pick(rng, 0.5, 0.9)
+    """A cut hedge along x, 1 to 2.3 m high."""
+    high, wide = pick(rng, 1.0, 2.3), pick(rng, 0.5, 0.9)
     core = box((0, 0, high / 2 - 0.05), (length, wide * 0.7, high - 0.1), _GREEN)
     cover = (2 * rng.random((int(70 * length * high), 1, 3)) - 1) * np.array([length, wide, high]) / 2
     spread = (rng.random((len(cover), 3, 3)) - 0.5) * 0.3
     corners = cover + spread + np.array([0, 0, high / 2])
-    return join([core, Mesh(np.round(corners, 6), np.full(len(corners), _GREEN), np.zeros(len(corners)))]).named(
-        Part.VEGETATION
-    )
+    return join(
+        [core, Mesh(np.round(corners, 6), _GREEN * (0.75 + 0.5 * rng.random(len(corners))), np.zeros(len(corners)))]
+    ).named(Part.VEGETATION)
+
+
+def thicket(rng: np.random.Generator, length: float) -> Mesh:
+    """The edge of a wood or an overgrown slope along x, 2.5 to 6 m high."""
+    high, wide = pick(rng, 2.5, 6.0), pick(rng, 1.5, 4.0)
+    parts = []
+    for x in np.arange(-length / 2, length / 2, 2.2):
+        center = (float(x), pick(rng, -0.8, 0.8), high * pick(rng, 0.4, 0.55))
+        parts.append(leaves(rng, center, (1.6, wide / 2, high / 2), int(34 * high), 0.6, _GREEN))
+    return join(parts).named(Part.VEGETATION)
 
 
 def wall(rng: np.random.Generator, length: float) -> Mesh:
     """A garden wall along x."""
     high = pick(rng, 0.6, 1.9)
-    return box((0, 0, high / 2 - 0.15), (length, 0.22, high + 0.3), pick(rng, 0.2, 0.5)).named(Part.WALL)
+    return box((0, 0, high / 2 - 0.15), (length, 0.22, high + 0.3), pick(rng, 0.34, 0.5)).named(Part.WALL)
 
 
 def fence(rng: np.random.Generator, length: float) -> Mesh:
     """Posts, two rails and slats with gaps, along x."""
-    high, gap = pick(rng, 0.9, 1.6), pick(rng, 0.16, 0.3)
+    high, gap, paint = pick(rng, 0.9, 1.6), pick(rng, 0.16, 0.3), pick(rng, 0.34, 0.5)
     slats = np.arange(-length / 2, length / 2, gap)
     half = gap * pick(rng, 0.2, 0.4)
     low, top = np.full(len(slats), 0.08), np.full(len(slats), high)
@@ -66,14 +76,14 @@ def fence(rng: np.random.Generator, length: float) -> Mesh:
         (slats + half, zero, top),
         (slats - half, zero, top),
     ]
-    parts = [quads(np.stack([np.stack(c, axis=1) for c in corners], axis=1), 0.35)]
-    parts += [box((0, 0.03, z), (length, 0.04, 0.08), 0.35) for z in (0.25, high - 0.15)]
+    parts = [quads(np.stack([np.stack(c, axis=1) for c in corners], axis=1), paint)]
+    parts += [box((0, 0.03, z), (length, 0.04, 0.08), paint) for z in (0.25, high - 0.15)]
     return join(parts).named(Part.FENCE)
 
 
 def facade(rng: np.random.Generator, length: float) -> Mesh:
     """A house front along x that faces -y: windows, a door, sometimes bays and balconies."""
-    high, paint = pick(rng, 3.5, 12.0), pick(rng, 0.2, 0.6)
+    high, paint = pick(rng, 3.5, 12.0), pick(rng, 0.45, 0.6)
     parts = [box((0, 2.0, high / 2 - 0.3), (length, 4.0, high + 0.6), paint)]
     step = pick(rng, 2.2, 3.4)
     bays = rng.random() < 0.4
@@ -142,7 +152,7 @@ def _bin(rng: np.random.Generator) -> Mesh:
 
 
 def _bollard(rng: np.random.Generator) -> Mesh:
-    return tube((0, 0, 0), (0, 0, pick(rng, 0.7, 1.1)), (0.09, 0.07), 0.4).named(Part.POLE)
+    return tube((0, 0, 0), (0, 0, pick(rng, 0.7, 1.1)), (0.08, 0.06), 0.36).named(Part.POLE)
 
 
 def _cabinet(rng: np.random.Generator) -> Mesh:
@@ -162,15 +172,23 @@ def _parked_bicycle(rng: np.random.Generator) -> Mesh:
 def _sign(rng: np.random.Generator) -> Mesh:
     high, half = pick(rng, 1.9, 2.8), pick(rng, 0.25, 0.4)
     board = box((0.06, 0, high - half), (0.02, 2 * half, 2 * half), 0.95).named(Part.SIGN)
-    return join([tube((0, 0, 0), (0, 0, high), (0.035, 0.035), 0.35, 6), board]).named(Part.POLE)
+    return join([tube((0, 0, 0), (0, 0, high), (0.035, 0.035), 0.3, 6), board]).named(Part.POLE)
 
 
 def _pole(rng: np.random.Generator) -> Mesh:
     high = pick(rng, 4.0, 8.0)
-    parts = [tube((0, 0, 0), (0, 0, high), (pick(rng, 0.07, 0.13), 0.06), 0.35, 8)]
+    parts = [tube((0, 0, 0), (0, 0, high), (pick(rng, 0.05, 0.1), 0.05), 0.36, 8)]
     if rng.random() < 0.4:
         parts.append(box((0.1, 0, pick(rng, 1.0, 2.6)), (0.25, 0.3, pick(rng, 0.4, 0.9)), 0.3))
     return join(parts).named(Part.POLE)
+
+
+def lamp_post(rng: np.random.Generator) -> Mesh:
+    """A post of painted steel or concrete with a foot."""
+    high, thick, paint = pick(rng, 5.0, 8.0), pick(rng, 0.05, 0.09), pick(rng, 0.3, 0.46)
+    foot = tube((0, 0, 0), (0, 0, 1.1), (thick * 1.4, thick * 1.3), paint, 8)
+    post = tube((0, 0, 1.0), (0, 0, high), (thick, 0.06), paint, 8)
+    return join([foot, post]).named(Part.POLE)
 
 
 def _hydrant(rng: np.random.Generator) -> Mesh:

@@ -3,16 +3,17 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.datasets.synthetic.lidar import SpinningLidar, cast, make_beams, scan
+from rm3d_plugin.datasets.synthetic.lidar import Anchor, SpinningLidar, cast, make_beams, scan
 from rm3d_plugin.datasets.synthetic.parts import Part
 from rm3d_plugin.datasets.synthetic.road_users import RoadUser
 from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin, join
 from rm3d_plugin.datasets.synthetic.street_extras import add_extras
-from rm3d_plugin.datasets.synthetic.streets import SENSOR_HEIGHT, Road, make_street
+from rm3d_plugin.datasets.synthetic.street_ground import PARKING, SENSOR_HEIGHT, Road
+from rm3d_plugin.datasets.synthetic.streets import make_street
 
-STREETS_VERSION = 1  # raise whenever the bytes of a scan change
+STREETS_VERSION = 2  # raise whenever the bytes of a scan change
 VAL_STREETS = 1_000_000  # number of the first street that is not for training
 _KINDS = {
     'Car': Part.CAR,
@@ -21,7 +22,6 @@ _KINDS = {
     'Person_sitting': Part.PERSON,
     'Cyclist': Part.BICYCLIST,
 }
-_PARKING = 2.2  # m, width of the strip where cars park
 
 
 class Scene(NamedTuple):
@@ -46,12 +46,14 @@ class LabelledScan(NamedTuple):
         intensity: (N,) float64 in [0, 1], whole hundredths.
         part: (N,) int64 :class:`Part` of each point.
         thing: (N,) int64 the thing that it lies on; the same numbers in every scan of a street.
+        mixed: (N,) bool, whether it lies between two things.
     """
 
     xyz: Float[np.ndarray, 'points 3']
     intensity: Float[np.ndarray, ' points']
     part: Int[np.ndarray, ' points']
     thing: Int[np.ndarray, ' points']
+    mixed: Bool[np.ndarray, ' points']
 
 
 class Pose(NamedTuple):
@@ -102,7 +104,7 @@ def scan_scene(scene: Scene, pose: Pose, lidar: SpinningLidar, rng: np.random.Ge
     c, s = (float(v) for v in cos_sin(pose.yaw))
     x, y, z = (float(v) for v in pose.position)
     mesh = scene.mesh.moved((-c * x - s * y, s * x - c * y, -z), -pose.yaw)
-    returned = scan(mesh, cast(mesh.corners, make_beams(lidar), lidar.max_range), lidar, rng)
+    returned = scan(mesh, cast(mesh.corners, make_beams(lidar), lidar.max_range), lidar, rng, Anchor(x, y, z, pose.yaw))
     part = mesh.part[returned.triangle]
     px, py = returned.xyz[:, 0], returned.xyz[:, 1]
     street_x, street_y = c * px - s * py + x, s * px + c * py + y
@@ -113,12 +115,13 @@ def scan_scene(scene: Scene, pose: Pose, lidar: SpinningLidar, rng: np.random.Ge
         returned.intensity,
         np.where(parking, int(Part.PARKING), part),
         scene.owner[returned.triangle],
+        returned.mixed,
     )
 
 
 def _on_parking(road: Road, offset: Float[np.ndarray, ' points']) -> np.ndarray:
-    left = (offset > road.left - _PARKING) & road.parked_left
-    right = (offset < road.right + _PARKING) & road.parked_right
+    left = (offset > road.left - PARKING) & road.parked_left
+    right = (offset < road.right + PARKING) & road.parked_right
     return left | right
 
 

@@ -11,55 +11,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rm3d_plugin.datasets.synthetic import road_users, street_furniture
-from rm3d_plugin.datasets.synthetic.parts import Part
 from rm3d_plugin.datasets.synthetic.road_users import RoadUser, pick
-from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin, grid_quads, quads
-
-SENSOR_HEIGHT = 1.73  # m above the road; KITTI's Velodyne
-KERB = 0.13  # m
-BEHIND, AHEAD = -30.0, 80.0  # m along the road
+from rm3d_plugin.datasets.synthetic.shapes import Mesh, cos_sin
+from rm3d_plugin.datasets.synthetic.street_greens import boundary, edge_of, plant_avenue, plant_garden, plant_land
+from rm3d_plugin.datasets.synthetic.street_ground import AHEAD, BEHIND, PARKING, Road, make_ground, random_road
 
 Snap = Callable[[RoadUser, float, float, float, float], tuple[Float[np.ndarray, '3'], float]]
-
-
-@dataclass(frozen=True)
-class Road:
-    """Shape of the ground; offsets are metres to the left of the sensor's path.
-
-    Attributes:
-        left, right: Kerbs (right is negative).
-        pavement: Width of the pavements.
-        bend: Half the curvature, 1 / m: the road runs through y = offset + bend x^2.
-        slope, camber: Rise along and across, m / m.
-        wave: Height in metres, frequency in radians a metre and phase of an undulation.
-        parked_left, parked_right: Whether cars park along that kerb.
-    """
-
-    left: float
-    right: float
-    pavement: float
-    bend: float
-    slope: float
-    camber: float
-    wave: tuple[float, float, float]
-    parked_left: bool
-    parked_right: bool
-
-    def point(self, x: float, offset: float) -> tuple[float, float]:
-        """Plan position of a place on the road."""
-        return x, offset + self.bend * x * x
-
-    def heading(self, x: float) -> float:
-        """Radians counter-clockwise from +x."""
-        return float(np.round(np.arctan(2 * self.bend * x), 9))
-
-    def height(self, x: float | np.ndarray, offset: float | np.ndarray) -> np.ndarray:
-        """Ground z in the sensor frame, kerbs included."""
-        size, frequency, phase = self.wave
-        swing = cos_sin(frequency * np.asarray(x) + phase)[1] - cos_sin(phase)[1]
-        off = np.asarray(offset)
-        step = np.where((off > self.left) | (off < self.right), KERB, 0.0)
-        return -SENSOR_HEIGHT + self.slope * np.asarray(x) + self.camber * off + size * swing + step
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +54,7 @@ class Street:
 
     def free(self, circles: list[tuple[float, float, float]]) -> bool:
         """Whether none of the circles meets what is there, or the sensor's own car."""
-        own = [(-2.0, 0.0, 1.3), (0.0, 0.0, 1.6), (2.0, 0.0, 1.5)]
+        own = [(-2.0, 0.0, 1.3), (0.0, 0.0, 2.4), (2.0, 0.0, 1.5)]
         return all((x - a) ** 2 + (y - b) ** 2 >= (r + c) ** 2 for x, y, r in circles for a, b, c in self.taken + own)
 
     def add_user(self, user: RoadUser, x: float, offset: float, turn: float, snap: Snap, gap: float = 0.1) -> bool:
@@ -145,25 +102,15 @@ def make_street(rng: np.random.Generator, snap: Snap) -> Street:
         snap: Moves a labelled thing, given its plan position, ground height and yaw, to where its label's decimals can
             say exactly; returns the bottom's middle and the yaw.
     """
-    street = Street(_random_road(rng))
+    street = Street(random_road(rng))
     _park_cars(street, rng, snap)
     _drive_cars(street, rng, snap)
     _ride_bicycles(street, rng, snap)
     _walk_people(street, rng, snap)
     _furnish(street, rng, snap)
     _build(street, rng)
-    street.background.append(_ground(street.road, rng))
+    street.background.append(make_ground(street.road, rng))
     return street
-
-
-def _random_road(rng: np.random.Generator) -> Road:
-    parked_left, parked_right = bool(rng.random() < 0.6), bool(rng.random() < 0.55)
-    left = pick(rng, 4.6, 6.6) + (2.2 if parked_left else 0.0)
-    right = -pick(rng, 1.9, 3.0) - (2.2 if parked_right else 0.0)
-    wave = (pick(rng, 0.0, 0.12), pick(rng, 0.1, 0.28), pick(rng, 0.0, 2 * np.pi))
-    bend = pick(rng, -0.0016, 0.0016)
-    slope, camber = pick(rng, -0.012, 0.012), pick(rng, -0.012, 0.012)
-    return Road(left, right, pick(rng, 2.2, 4.2), bend, slope, camber, wave, parked_left, parked_right)
 
 
 def _any_car(rng: np.random.Generator) -> RoadUser:
@@ -176,12 +123,12 @@ def _flip(rng: np.random.Generator, chance: float = 0.5) -> float:
 
 
 def _park_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
-    """Rows along the kerbs with gaps of 0.7 to 2 m, slots empty by chance, now and then a car askew."""
+    """Rows along the kerbs near the sensor, with gaps of 0.7 to 2 m and empty slots; now and then a car askew."""
     road = street.road
     for parked, kerb, inward in ((road.parked_left, road.left, -1.0), (road.parked_right, road.right, 1.0)):
-        filled = pick(rng, 0.1, 0.46)
-        x = pick(rng, 0.5, 8.0)
-        while parked and x < 62:
+        filled = pick(rng, 0.3, 0.6)
+        x, end = pick(rng, -13.0, -7.0), pick(rng, 9.0, 26.0)
+        while parked and x < end:
             user = _any_car(rng)
             askew = pick(rng, -0.3, 0.3) if rng.random() < 0.15 else pick(rng, -0.04, 0.04)
             offset = kerb + inward * (user.size[1] / 2 + pick(rng, 0.15, 0.4))
@@ -193,9 +140,9 @@ def _park_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
 
 def _drive_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     """Traffic ahead and oncoming, some crossing."""
-    oncoming = street.road.left - (2.2 if street.road.parked_left else 0.0) - 1.7
+    oncoming = street.road.left - (PARKING if street.road.parked_left else 0.0) - 1.7
     for _ in range(int(rng.random() * 3.2)):
-        x = pick(rng, 5.0, 74.0)
+        x = pick(rng, 11.0, 74.0)
         chance = rng.random()
         if chance < 0.5:
             street.add_user(_any_car(rng), x, oncoming + pick(rng, -0.4, 0.4), np.pi + pick(rng, -0.05, 0.05), snap)
@@ -209,8 +156,8 @@ def _drive_cars(street: Street, rng: np.random.Generator, snap: Snap) -> None:
 def _ride_bicycles(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     """Along the kerbs, in the lane or on the pavement; a few cross."""
     road = street.road
-    left = road.left - (2.2 if road.parked_left else 0.0) - 0.7
-    right = road.right + (2.2 if road.parked_right else 0.0) + 0.5
+    left = road.left - (PARKING if road.parked_left else 0.0) - 0.7
+    right = road.right + (PARKING if road.parked_right else 0.0) + 0.5
     for _ in range(1 + int(rng.random() * 3.3)):
         x, chance = _ahead(rng), rng.random()
         place = (
@@ -248,12 +195,9 @@ def _furnish(street: Street, rng: np.random.Generator, snap: Snap) -> None:
     road = street.road
     for side in (road.left, road.right):
         out = float(np.sign(side))
-        trees = rng.random() < 0.6
-        x = pick(rng, BEHIND + 5, BEHIND + 12)
-        while x < AHEAD - 10:
-            if trees and rng.random() < 0.6:
-                street.add_thing(street_furniture.tree(rng), x, side + out * 0.8, pick(rng, 0, 6.2), 0.5)
-            x += pick(rng, 6.0, 14.0)
+        plant_avenue(street.add_thing, rng, side)
+        for x in np.arange(BEHIND + pick(rng, 0.0, 20.0), AHEAD - 10, pick(rng, 45.0, 70.0)):
+            street.add_thing(street_furniture.lamp_post(rng), float(x), side + out * 0.6, 0.0, 0.3)
         for _ in range(12 + int(rng.random() * 14)):
             near = pick(rng, 0.3, 0.9) if rng.random() < 0.5 else pick(rng, 0.9, road.pavement + 0.8)
             turn = pick(rng, -0.3, 0.3) + (np.pi if rng.random() < 0.8 else np.pi / 2)
@@ -278,54 +222,27 @@ def _sit(street: Street, rng: np.random.Generator, snap: Snap, x: float, offset:
 
 
 def _build(street: Street, rng: np.random.Generator) -> None:
-    """Houses, hedges, walls and fences along the pavements' outer edges, bushes and trees between."""
+    """Houses behind front gardens, or open land, along the pavements' outer edges."""
     road = street.road
     for side in (road.left, road.right):
-        out = float(np.sign(side))
-        turn = 0.0 if out > 0 else float(np.pi)
-        edge = side + out * (road.pavement + 0.3)
-        open_land = rng.random() < 0.3
-        setback = pick(rng, 0.0, 6.0)
+        edge = edge_of(road, side)
+        open_land = rng.random() < 0.36
+        setback, density = pick(rng, 0.0, 3.5), pick(rng, 0.5, 1.2)
         x = BEHIND
         while x < AHEAD - 4:
             length = pick(rng, 5.0, 14.0)
-            middle = x + length / 2
-            if not open_land and rng.random() < 0.8:
-                house = street_furniture.facade(rng, length)
-                street.add_thing(house, middle, edge + out * (setback + 0.4), turn)
-            elif rng.random() < 0.7:
-                for _ in range(3):
-                    place, away = x + length * rng.random(), edge + out * pick(rng, 1.5, 16.0)
-                    maker = street_furniture.tree if rng.random() < 0.6 else street_furniture.bush
-                    street.add_thing(maker(rng), float(place), away, pick(rng, 0, 6.2), 0.8)
-            if (setback > 1.0 or open_land) and rng.random() < 0.6:
-                makers = (street_furniture.hedge, street_furniture.wall, street_furniture.fence)
-                street.add_thing(makers[int(rng.random() * 3)](rng, length * 0.9), middle, edge, turn)
+            if not open_land and rng.random() < 0.92:
+                _add_house(street, rng, x, length, edge, setback)
+            else:
+                plant_land(street.add_thing, rng, x, length, edge, density)
+            if rng.random() < (0.8 if open_land else 0.5 if setback > 1.0 else 0.0):
+                boundary(street.add_thing, rng, x + length / 2, length, edge)
             x += length + (pick(rng, 0.0, 0.4) if rng.random() < 0.7 else pick(rng, 2.0, 7.0))
 
 
-def _ground(road: Road, rng: np.random.Generator) -> Mesh:
-    """Road, kerbs, pavements and land: a grid along the road, a centimetre rough, the land more."""
-    x = np.arange(BEHIND - 20, AHEAD + 4, 2.0)
-    lane = np.linspace(road.right, road.left, 5)
-    outer_left, outer_right = road.left + road.pavement, road.right - road.pavement
-    land = np.array([1.5, 3.5, 6.0, 9.0, 14.0, 20.0, 28.0, 50.0])
-    offset = np.concatenate(
-        [
-            outer_right - land[::-1],
-            [outer_right, road.right - 1e-6],
-            lane,
-            [road.left + 1e-6, outer_left],
-            outer_left + land,
-        ]
-    )
-    edges = len(land)
-    reflectance = np.repeat([0.3, 0.33, 0.35, 0.27, 0.35, 0.33, 0.3], [edges, 1, 1, len(lane) - 1, 1, 1, edges])
-    rough = np.repeat([0.06, 0.01, 0.06], [edges, len(lane) + 4, edges])
-    grid_x, grid_offset = np.broadcast_arrays(x[:, None], offset[None])
-    z = road.height(grid_x, grid_offset) + rough * (2 * rng.random(grid_x.shape) - 1)
-    grid = np.stack([grid_x, grid_offset + road.bend * grid_x * grid_x, z], axis=-1)
-    surface = quads(grid_quads(grid), 0.3)
-    part = np.repeat([Part.TERRAIN, Part.SIDEWALK, Part.ROAD, Part.SIDEWALK, Part.TERRAIN], [edges, 2, 4, 2, edges])
-    rows = 2 * (len(x) - 1)
-    return Mesh(surface.corners, np.tile(reflectance, rows), surface.dropout, np.tile(part, rows))
+def _add_house(street: Street, rng: np.random.Generator, x: float, length: float, edge: float, setback: float) -> None:
+    out = float(np.sign(edge))
+    house = street_furniture.facade(rng, length)
+    street.add_thing(house, x + length / 2, edge + out * (setback + 0.4), 0.0 if out > 0 else float(np.pi))
+    if setback > 1.0:
+        plant_garden(street.add_thing, rng, x, length, edge, setback)

@@ -84,7 +84,9 @@ def make_vkitti_streets(
 def make_sensor(step: float) -> SpinningLidar:
     """A depth camera's rows, almost without noise; what lies beside its view is dropped later."""
     tilts = tuple(round(10.0 - i * step, 6) for i in range(int(26.0 / step + 1e-9) + 1))
-    return SpinningLidar(step, max_range=70.0, range_noise=0.002, lost=0.0, tilts=tilts)
+    return SpinningLidar(
+        step, max_range=70.0, range_noise=0.002, lost=0.0, mixed=0.0, laser_spread=0.0, hidden=0.0, tilts=tilts
+    )
 
 
 def make_frame(seed: int, number: int, sensor: SpinningLidar) -> Float[np.ndarray, 'points 7']:

@@ -14,7 +14,7 @@ from rm3d_plugin.datasets.synthetic.room_things import CATEGORIES, S3DIS_CLASSES
 from rm3d_plugin.datasets.synthetic.rooms import RoomScan, make_layout, make_room
 
 SPACING = 0.08
-ROOM_HASH = '6c5b6689d99175d549fe3d9d1851e29215003d20c3b12dd0f1b2ca401e1ac83f'
+ROOM_HASH = 'afb5d2001de87447fb3cfa590bc1ff2f6e574eab4aeba01837616405462886ff'
 SMALL = DepthCamera(40, 30)
 
 
@@ -182,7 +182,8 @@ def test_what_a_scan_promises(index: int) -> None:
     # The raw frame is turned and shifted against the walls, and the matrix takes it back.
     turn = scan.axis_alignment[:3, :3]
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=2e-6)
-    assert abs(scan.aligned[scan.names == 'floor', 2]).max() < 0.08
+    # Labels are given to segments of the mesh, so that a few reach up what stands on the floor.
+    assert np.quantile(np.abs(scan.aligned[scan.names == 'floor', 2]), 0.95) < 0.08
     assert np.abs(scan.xyz - scan.aligned).max() > 0.1
 
 
@@ -194,10 +195,10 @@ def test_points_lie_on_their_own_furniture(index: int) -> None:
     camera = DepthCamera(40, 30)
     shots = room_scanner.shoot(layout, surfaces, views, camera, np.random.default_rng(1))
     gap = distance_to_triangles(shots.xyz, surfaces.corners[shots.face])
-    assert np.median(gap) < 0.006 and np.quantile(gap, 0.99) < 0.05
+    assert np.median(gap) < 0.012 and np.quantile(gap, 0.99) < 0.1  # warped depths, drifting poses
     np.testing.assert_array_equal(surfaces.thing[shots.face], shots.thing)
     # Without noise and drift they lie on the surface, and nothing is nearer to the camera: nothing is seen through.
-    still = DepthCamera(24, 18, noise=0.0, drift=0.0, lost=0.0)
+    still = DepthCamera(24, 18, noise=0.0, warp=0.0, drift=0.0, lost=0.0)
     shots = room_scanner.shoot(layout, surfaces, views[:3], still, np.random.default_rng(1))
     assert distance_to_triangles(shots.xyz, surfaces.corners[shots.face]).max() < 1e-9
     size = still.rows * still.columns
@@ -210,21 +211,23 @@ def test_points_lie_on_their_own_furniture(index: int) -> None:
 
 @pytest.mark.parametrize('index', range(8))
 def test_nothing_is_seen_behind_walls(index: int) -> None:
-    length, width, height = make_layout(0, index).size
-    xyz, margin = room(index).aligned, 0.17 + 0.09  # recesses of doors and windows, noise
-    assert (xyz > [-margin, -margin, -0.1]).all() and (xyz < [length + margin, width + margin, height + 0.1]).all()
-    layout, names = make_layout(0, index), room(index).names
+    layout = make_layout(0, index)
+    length, width, height = layout.size
+    xyz, margin = room(index).aligned, 0.17 + 0.2  # recesses of doors and windows, noise
+    assert (xyz > -margin).all() and (xyz < [length + margin, width + margin, height + margin]).all()
+    # A camera without noise sees only doors, windows and reveals beyond the walls, in their openings.
+    still = DepthCamera(64, 48, noise=0.0, warp=0.0, drift=0.0, lost=0.0)
+    views = room_scanner.plan_views(layout, 'handheld', np.random.default_rng(0))
+    shots = room_scanner.shoot(layout, room_scanner.surfaces_of(layout), views, still, np.random.default_rng(1))
+    xyz, names = shots.xyz, np.array([item.name for item in layout.things])[shots.thing]
     beyond = (-xyz[:, 1], xyz[:, 0] - length, xyz[:, 1] - width, -xyz[:, 0])
     along = (xyz[:, 0], xyz[:, 1], length - xyz[:, 0], width - xyz[:, 1])
     for wall in range(4):
-        for number in np.flatnonzero(beyond[wall] > 0.06):
+        for number in np.flatnonzero(beyond[wall] > 1e-5):
             assert names[number] in {'door', 'window', 'wall'}
             place, z = along[wall][number], xyz[number, 2]
             spans = layout.openings[wall]
-            assert any(
-                s.start < place + 0.06 and place - 0.06 < s.end and s.low < z + 0.06 and z - 0.06 < s.high
-                for s in spans
-            )
+            assert any(s.start - 0.01 < place < s.end + 0.01 and s.low - 0.02 < z < s.high + 0.02 for s in spans)
 
 
 def test_scans_have_holes_and_uneven_density() -> None:
@@ -254,10 +257,9 @@ def test_a_tripod_sees_the_ceiling_and_beams() -> None:
 def test_spacing_changes_the_density_and_not_the_room() -> None:
     coarse, fine = make_room(0, 1, 0.12), make_room(0, 1, 0.06)
     assert 2.2 < len(fine) / len(coarse) < 6
-    for name in ('bathtub', 'floor'):
-        a, b = (scan.aligned[scan.names == name] for scan in (coarse, fine))
-        np.testing.assert_allclose(a.min(axis=0), b.min(axis=0), atol=0.2)
-        np.testing.assert_allclose(a.max(axis=0), b.max(axis=0), atol=0.2)
+    ends = [np.quantile(scan.aligned, [0.02, 0.98], axis=0) for scan in (coarse, fine)]
+    np.testing.assert_allclose(*ends, atol=0.25)
+    assert set(coarse.things) & set(fine.things) >= {'floor', 'wall', 'bathtub', 'toilet', 'door'}
 
 
 def test_bad_arguments_are_named() -> None:
