@@ -13,7 +13,7 @@ from rm3d_plugin.commands.main import run as run_command
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.oversegment import oversegment_file, read_annotated_labels
 from rm3d_plugin.label_budgets import BudgetError
-from rm3d_plugin.storage import read_npz
+from rm3d_plugin.storage import ClickFileError, read_npz
 from rm3d_plugin.storage.ply import read_ply
 from rm3d_plugin.storage.scans import read_cloud
 from rm3d_plugin.visualization.scene_view import MAX_POINTS
@@ -152,7 +152,7 @@ def test_labels_that_cannot_tune(scan, tmp_path):
         oversegment_file(scan, tmp_path / 'r.npz', 'SuperpointGraph', tune=labels)
     with pytest.raises(ConfigError, match="theta and zeta of RegionGrowing, got 'VCCS'"):
         oversegment_file(scan, tmp_path / 'r.npz', 'SuperpointGraph', 'VCCS', tune=labels)
-    with pytest.raises(BudgetError, match=r'no\.csv: no such file'):
+    with pytest.raises(ClickFileError, match=r'no\.csv: no such file'):
         oversegment_file(scan, tmp_path / 'r.npz', 'SuperpointGraph', tune=tmp_path / 'no.csv')
     labels.write_text(label_lines(scan, make_room(density=150)[1]))
     with pytest.raises(ConfigError, match='tune: .* target >= 1'):

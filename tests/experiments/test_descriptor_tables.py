@@ -55,8 +55,8 @@ def rooms():
 
 
 def test_turns():
-    np.testing.assert_allclose(turn_about((0, 0, 2.0), 90) @ [1, 0, 0], [0, 1, 0], atol=1e-12)
-    np.testing.assert_allclose(turn_about((1.0, 0, 0), 180) @ [0, 1, 2], [0, -1, -2], atol=1e-12)
+    np.testing.assert_allclose(turn_about((0.0, 0.0, 2.0), 90.0) @ [1, 0, 0], [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(turn_about((1.0, 0.0, 0.0), 180.0) @ [0, 1, 2], [0, -1, -2], atol=1e-12)
     for kind in ('z', 'so3'):
         matrix = random_turn(kind, np.random.default_rng(3))
         np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
@@ -66,7 +66,7 @@ def test_turns():
 @pytest.mark.parametrize('sensor', [None, (1.0, 2.0, 1.5)])
 def test_a_turned_scene_has_turned_normals(rooms, sensor):
     cloud = described_surface(dataclasses.replace(rooms.scenes[0].cloud, sensor=sensor, normals=None, curvature=None))
-    matrix = turn_about((1, 2, 3.0), 100)
+    matrix = turn_about((1.0, 2.0, 3.0), 100.0)
     after = turned(cloud, matrix)
     np.testing.assert_allclose(after.xyz, cloud.xyz @ matrix.T, atol=1e-5)
     agree = np.einsum('ij,ij->i', after.normals.astype(float), cloud.normals @ matrix.T)
