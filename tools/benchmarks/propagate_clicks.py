@@ -68,7 +68,7 @@ def stored(path: Path) -> Scan:
 def plain_walker(cloud: PointCloud) -> scipy.sparse.csr_array:
     """Weights of a random walker with fixed scales: degrees, Lab units, curvature; a floor that needs no scan's own."""
     near, channels = neighborhoods(cloud.xyz, 20), channel_groups(cloud)
-    start, end = np.repeat(np.arange(len(cloud)), 12), near.index[:, 1:13].ravel()
+    start, end = np.repeat(np.arange(len(cloud)), 12), near.nearest[:, 1:13].ravel()
     cosine = np.abs((near.normal[start] * near.normal[end]).sum(axis=1)).clip(0, 1)
     angle = 20.0 if cloud.colors is None else 7.0
     local = 2.0 * np.maximum(near.distance[:, 6], 1e-3)
@@ -76,7 +76,7 @@ def plain_walker(cloud: PointCloud) -> scipy.sparse.csr_array:
     if cloud.colors is None:
         cost += ((near.shape[start, 5] - near.shape[end, 5]) / 0.03) ** 2
     else:
-        lab = smoothed(channels[0], near.index)
+        lab = smoothed(channels[0], near.nearest)
         cost += (np.linalg.norm(lab[start] - lab[end], axis=1) / 10.0) ** 2
     if cloud.intensity is not None:
         cost += ((cloud.intensity[start] - cloud.intensity[end]) / 0.1) ** 2
@@ -123,20 +123,29 @@ def rows_of(scan: Scan, seeds: list[int], walker: bool) -> Iterator[tuple[str, l
 
 
 def summary(rows: dict[str, list[list[float]]]) -> Iterator[str]:
-    """Means over scans, the worst difference to the better trivial answer, and how the estimates fare."""
+    """Means over scans, the worst difference to the better trivial answer and to the walker, and the estimates."""
     for budget, each in rows.items():
         table = np.array(each)
-        trivial, ours = np.fmax(table[:, 0], table[:, 1]), table[:, 3]
+        near, coloured, walker, ours = table[:, :4].T
         known = np.isfinite(table[:, 4])
-        inside = (table[:, 5] <= ours) & (ours <= table[:, 6])
-        columns = [float(np.mean(column[np.isfinite(column)])) if np.isfinite(column).any() else np.nan
-                   for column in table.T]
+        told, low, high = table[known, 4:7].T
+        inside = (low <= ours[known]) & (ours[known] <= high)
         yield (
-            f'{budget:24s} nearest {columns[0]:.1f}, place and colour {columns[1]:.1f}, walker {columns[2]:.1f}, ours '
-            f'{columns[3]:.1f}; worst against the trivial {np.min(ours - trivial):+.1f}, against the walker '
-            f'{np.nanmin(np.append(ours - table[:, 2], np.inf)):+.1f}; interval holds {100 * np.mean(inside[known]) if known.any() else np.nan:.0f} % of '
-            f'{known.sum()}, {np.mean((table[:, 6] - table[:, 5])[known]) if known.any() else np.nan:.1f} wide'
+            f'{budget:24s} nearest {near.mean():.1f}, place and colour {_mean(coloured):.1f}, walker {_mean(walker):.1f}, '
+            f'ours {ours.mean():.1f}; worst against the trivial {(ours - np.fmax(near, coloured)).min():+.1f}, against '
+            f'the walker {_least(ours - walker):+.1f}; of {known.sum()} intervals {100 * _mean(inside):.0f} % hold, '
+            f'{_mean(high - low):.1f} wide, off by {_mean(np.abs(told - ours[known])):.1f}'
         )
+
+
+def _mean(values: np.ndarray) -> float:
+    there = values[np.isfinite(values)]
+    return float(there.mean()) if len(there) else float('nan')
+
+
+def _least(values: np.ndarray) -> float:
+    there = values[np.isfinite(values)]
+    return float(there.min()) if len(there) else float('nan')
 
 
 def main() -> None:

@@ -85,9 +85,7 @@ def _pair(indptr, indices, data, alone):
     return out, pairs
 
 
-def node_means(
-    values: Float[np.ndarray, 'points columns'], coarse: Coarsening
-) -> Float[np.ndarray, 'nodes columns']:
+def node_means(values: Float[np.ndarray, 'points columns'], coarse: Coarsening) -> Float[np.ndarray, 'nodes columns']:
     """Means of the points of each node."""
     shape = (len(coarse.sizes), len(values))
     gather = scipy.sparse.csr_array((np.ones(len(values)), (coarse.node, np.arange(len(values)))), shape=shape)

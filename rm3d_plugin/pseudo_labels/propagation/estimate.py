@@ -1,7 +1,9 @@
 """How good labels are, from those that were left out: an estimate of the mean IoU with an interval.
 
-Labels that were left out tell how often points of each class are named what (their confusion), but not how frequent
-classes are: often as many of each class were given. The answer's own frequencies, which are known exactly, tell that.
+As many labels of each class are given, often, which points at large are not: the share of left-out labels that come out
+right is far from the mean IoU, where one floor point in fifty called pole is what ruins the poles. So the labels that
+were left out only tell how sure the answer may be of itself (its probabilities are sharpened or flattened until they
+are right as often as they say); the IoU is then what the probabilities of all points expect it to be.
 """
 
 from typing import NamedTuple
@@ -11,15 +13,18 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.kernel_classes import normalised
 
-SHARPNESS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)  # powers that are tried for probabilities to be right as often as said
-BELIEF = 2.0  # labels that the answer's own probabilities count as, in each class
-STEPS = 100  # of the estimate of frequencies
+SHARPNESS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)  # powers of the probabilities that are tried
+USUAL = 1.4  # of the answers of the chosen scans: they have all labels, those that are checked four of five
+HELD = 0.4  # mean log likelihood that a power e times the usual one must gain
+LABELS_WORTH = 0.35  # observations of a class's IoU that a left-out label counts as; chosen so that intervals hold
+LEAST_LABELS = 3  # of a class that can be left out, in half of the classes, or there is no estimate
 INSIDE = (0.05, 0.95)  # quantiles of the draws that the interval spans
+SAMPLE = 1 << 16  # points that stand for all
 LEAST = 1e-6
 
 
 class Estimate(NamedTuple):
-    """Of the mean IoU of the classes that are there, on points without a label; percent.
+    """Of the mean IoU of the classes that are labelled, on points without a label; percent.
 
     Attributes:
         miou: Expected.
@@ -49,42 +54,39 @@ def estimate_miou(
 ) -> Estimate | None:
     """Estimate the mean IoU of an answer.
 
-    The confusion of each class is drawn from a Dirichlet distribution: left-out labels of the class, and
-    :data:`BELIEF` more spread as the answer's own probabilities say (what twenty labels do not show, such as one floor
-    point in a hundred called pole, those do). Given a confusion, the frequencies of the classes are those by which the
-    answer's frequencies come about.
-
     Args:
         shares: Answer at the points without a label; rows of sum 1.
         left_shares: Answer at labels that were left out.
         left_classes: Of these.
-        draws: Of the interval.
+        draws: Of the interval, at least one.
         generator: Of the draws.
 
     Returns:
-        None where there is no point without a label.
+        None where there is no point without a label, or where fewer than half of the classes have
+        :data:`LEAST_LABELS` labels that were left out.
     """
-    if not len(shares) or not len(left_shares):
+    counts = np.bincount(left_classes, minlength=shares.shape[1])
+    if not len(shares) or 2 * np.count_nonzero(counts >= LEAST_LABELS) < len(counts):
         return None
-    named = shares.argmax(axis=1)
-    count = shares.shape[1]
-    found = np.bincount(named, minlength=count) / len(named)
-    power = best_sharpness(left_shares, left_classes, found)
-    counts = np.zeros((count, count))
-    np.add.at(counts, (left_classes, left_shares.argmax(axis=1)), 1.0)
-    weights = counts + BELIEF * believed_confusion(shares, named, power) + LEAST
-    means = [100.0 * float(mean_iou(_drawn(weights, generator), found)) for _ in range(draws)]
-    expected = float(np.mean(means)) if means else 100.0 * float(mean_iou(normalised(weights), found))
-    low, high = np.quantile(means, INSIDE).tolist() if means else (0.0, 100.0)
-    return Estimate(expected, low, high, len(left_classes), power)
+    some = shares[:: -(-len(shares) // SAMPLE)]
+    found = np.bincount(some.argmax(axis=1), minlength=len(counts)) / len(some)
+    gains = label_gains(left_shares, left_classes, found)
+    expected = np.stack([expected_ious(some, power) for power in SHARPNESS])
+    best = int(gains.mean(axis=1).argmax())
+    low, high = np.quantile(miou_draws(expected, gains, counts, draws, generator), INSIDE).tolist()
+    middle = float(expected[best].mean())
+    return Estimate(100 * middle, 100 * min(low, middle), 100 * max(high, middle), len(left_classes), SHARPNESS[best])
 
 
-def best_sharpness(
+def label_gains(
     left_shares: Float[np.ndarray, 'left classes'],
     left_classes: Int[np.ndarray, ' left'],
     found: Float[np.ndarray, ' classes'],
-) -> float:
-    """The power of the shares by which the left-out labels are likeliest, each class counting as often as it is found.
+) -> Float[np.ndarray, 'powers left']:
+    """What each left-out label says for each power of the shares; the power with the largest mean is the likeliest.
+
+    Log likelihoods, less what holds to the usual power. Labels of a class count together as the class is frequent in
+    the answer, and as one of all classes, half and half.
 
     Args:
         left_shares: Rows of sum 1, or zeros.
@@ -93,48 +95,53 @@ def best_sharpness(
     """
     counts = np.bincount(left_classes, minlength=len(found))
     weight = (found + 1.0 / len(found))[left_classes] / counts[left_classes]
-    logs = np.log(np.maximum(left_shares, LEAST))
-
-    def likelihood(power: float) -> float:
-        rows = power * logs
-        top = rows.max(axis=1)
-        total = top + np.log(np.exp(rows - top[:, None]).sum(axis=1))
-        return float(weight @ (rows[np.arange(len(rows)), left_classes] - total))
-
-    return max(SHARPNESS, key=likelihood)
+    weight *= len(weight) / weight.sum()
+    rows = np.array(SHARPNESS)[:, None, None] * np.log(np.maximum(left_shares, LEAST))
+    rows = rows - rows.max(axis=2, keepdims=True)
+    rows -= np.log(np.exp(rows).sum(axis=2, keepdims=True))
+    likelihood = weight * rows[:, np.arange(len(weight)), left_classes]
+    return np.asarray(likelihood - HELD * np.square(np.log(np.array(SHARPNESS) / USUAL))[:, None])
 
 
-def believed_confusion(
-    shares: Float[np.ndarray, 'points classes'], named: Int[np.ndarray, ' points'], power: float
-) -> Float[np.ndarray, 'classes named']:
-    """Of the points that the probabilities believe to be of a class, the share with each name; rows of sum 1."""
-    count = shares.shape[1]
-    sums = np.zeros((count, count))
-    for own in range(count):
-        sums[:, own] = normalised(np.maximum(shares[named == own], LEAST) ** power).sum(axis=0, dtype=np.float64)
-    return normalised(np.maximum(sums, LEAST))
+def expected_ious(shares: Float[np.ndarray, 'points classes'], power: float) -> Float[np.ndarray, ' classes']:
+    """IoU of each class as the probabilities expect it, were they right as often as they say.
 
-
-def mean_iou(confusion: Float[np.ndarray, 'classes named'], found: Float[np.ndarray, ' classes']) -> float:
-    """Mean IoU of a confusion with rows of sum 1, where names are found so frequently.
-
-    The frequencies of the true classes are the likeliest ones (expectation maximisation; Saerens, Latinne and
-    Decaestecker 2002).
-
-    >>> round(mean_iou(np.eye(2), np.array([0.9, 0.1])), 3)
-    1.0
+    >>> expected_ious(np.array([[0.9, 0.1], [0.9, 0.1], [0.2, 0.8]]), 1.0).round(2)
+    array([0.86, 0.67])
     """
-    true = np.full(len(found), 1.0 / len(found))
-    for _ in range(STEPS):
-        joint = true[:, None] * confusion
-        true = (joint / np.maximum(joint.sum(axis=0), 1e-12) * found).sum(axis=1)
-    hits = true * np.diag(confusion)
-    union = true + confusion.T @ true - hits
-    return float(np.mean(hits / np.maximum(union, 1e-12)))
+    raised = np.maximum(shares, LEAST) ** power
+    raised /= raised.sum(axis=1, keepdims=True)
+    named = shares.argmax(axis=1)
+    hits = np.bincount(named, raised[np.arange(len(named)), named], shares.shape[1])
+    union = raised.sum(axis=0, dtype=np.float64) + np.bincount(named, minlength=shares.shape[1]) - hits
+    return np.asarray(hits / np.maximum(union, LEAST))
 
 
-def _drawn(
-    weights: Float[np.ndarray, 'classes named'], generator: np.random.Generator
-) -> Float[np.ndarray, 'classes named']:
-    """A confusion from its Dirichlet distribution, row by row."""
-    return normalised(np.maximum(generator.gamma(weights), 1e-12))
+def miou_draws(
+    expected: Float[np.ndarray, 'powers classes'],
+    gains: Float[np.ndarray, 'powers left'],
+    counts: Int[np.ndarray, ' classes'],
+    draws: int,
+    generator: np.random.Generator,
+) -> Float[np.ndarray, ' draws']:
+    """Mean IoUs that may be: another choice of labels (Bayesian bootstrap, Rubin 1981), and classes that differ.
+
+    The IoU of each class is drawn from a Beta distribution about what is expected, as wide as if it had been seen in
+    :data:`LABELS_WORTH` observations for each of its labels and one more.
+
+    Args:
+        expected: IoU of each class, by power.
+        gains: Of :func:`label_gains`.
+        counts: Left-out labels of each class.
+        draws: How many.
+        generator: Of the draws.
+    """
+    weights = generator.exponential(size=(draws, gains.shape[1]))
+    chosen = expected[(weights @ gains.T).argmax(axis=1)].clip(0.01, 0.99)
+    worth = LABELS_WORTH * (counts + 1)
+    return np.asarray(generator.beta(chosen * worth, (1.0 - chosen) * worth).mean(axis=1))
+
+
+def calibrated(shares: Float[np.ndarray, 'points classes'], power: float) -> Float[np.ndarray, 'points classes']:
+    """Probabilities that are right as often as they say; the class of a point stays."""
+    return np.asarray(normalised(np.maximum(shares, 0.0) ** power), dtype=np.float32)

@@ -23,7 +23,7 @@ class Neighborhoods(NamedTuple):
     """Nearest points and the shape of where they lie.
 
     Attributes:
-        index: (N, k + 1) int32 nearest points, the point itself among the first; -1 where there are fewer.
+        nearest: (N, k + 1) int32 nearest points, the point itself among the first; -1 where there are fewer.
         distance: (N, k + 1) metres; inf where there are fewer.
         normal: (N, 3) unit vectors of either sign; (0, 0, 1) where three points are not there.
         shape: (N, 8) linearity, planarity, scattering (Guinard and Landrieu 2017), upright part of the normal and of
@@ -31,7 +31,7 @@ class Neighborhoods(NamedTuple):
         spacing: Metres, the usual distance to the :data:`SPACING_RANK`-th neighbour.
     """
 
-    index: Int[np.ndarray, 'points k']
+    nearest: Int[np.ndarray, 'points k']
     distance: Float[np.ndarray, 'points k']
     normal: Float[np.ndarray, 'points 3']
     shape: Float[np.ndarray, 'points 8']

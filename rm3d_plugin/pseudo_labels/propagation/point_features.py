@@ -23,7 +23,7 @@ class _Level(NamedTuple):
 
     middle: Float[np.ndarray, 'voxels 3']
     voxel: Int[np.ndarray, ' points']
-    count: Int[np.ndarray, ' voxels']
+    sizes: Int[np.ndarray, ' voxels']
 
 
 def point_features(
@@ -71,12 +71,12 @@ def _level_features(
     points: Float[np.ndarray, 'points 3'], level: _Level, extra: Float[np.ndarray, 'points columns']
 ) -> Float[np.ndarray, 'points features']:
     around = neighborhoods(level.middle, min(AROUND, len(level.middle) - 1))
-    height = level.middle[:, 2][around.index]
-    columns = [around.shape, np.ptp(height, axis=1)[:, None], np.log(level.count)[:, None]]
+    height = level.middle[:, 2][around.nearest]
+    columns = [around.shape, np.ptp(height, axis=1)[:, None], np.log(level.sizes)[:, None]]
     if extra.shape[1]:
-        few = around.index[:, :9]
-        mean = segment_mean(extra, level.voxel, len(level.count))[few].mean(axis=1)
-        square = segment_mean(np.square(extra), level.voxel, len(level.count))[few].mean(axis=1)
+        few = around.nearest[:, :9]
+        mean = segment_mean(extra, level.voxel, len(level.sizes))[few].mean(axis=1)
+        square = segment_mean(np.square(extra), level.voxel, len(level.sizes))[few].mean(axis=1)
         columns += [mean, np.sqrt(np.maximum(square - np.square(mean), 0.0))]
     nearest = Octree(level.middle).knn(points, 1).indices[:, 0]
     return np.asarray(np.concatenate(columns, axis=1)[nearest])

@@ -40,8 +40,8 @@ def point_graph(near: Neighborhoods, channels: list[Float[np.ndarray, 'points co
         near: Neighbours and normals.
         channels: Of :func:`~rm3d_plugin.pseudo_labels.propagation.channels.channel_groups`.
     """
-    count = len(near.index)
-    start, end, rank = _pairs(near.index[:, : JOINED + 1])
+    count = len(near.nearest)
+    start, end, rank = _pairs(near.nearest[:, : JOINED + 1])
     cost = np.zeros(len(start))
     for difference, least in _cues(near, channels, start, end, rank):
         cost += np.square(difference / max(_usual(difference), least))
@@ -82,7 +82,7 @@ def _cues(
         (near.distance[start, rank] / np.maximum(local[start], floor), 1e-3),
     ]
     for channel in channels:
-        smooth = smoothed(channel, near.index)
+        smooth = smoothed(channel, near.nearest)
         deviation = float(np.linalg.norm(channel.std(axis=0)))
         cues.append((np.linalg.norm(smooth[start] - smooth[end], axis=1), LEAST_CHANNEL * deviation))
     return cues

@@ -31,6 +31,4 @@ class PreparedCloud(NamedTuple):
 def prepare_cloud(cloud: PointCloud) -> PreparedCloud:
     """Neighbours, edges and features of a scan; most of the time of a propagation is spent here."""
     near, channels = neighborhoods(cloud.xyz), channel_groups(cloud)
-    return PreparedCloud(
-        cloud, point_graph(near, channels), point_features(cloud.xyz, near, channels), near.spacing
-    )
+    return PreparedCloud(cloud, point_graph(near, channels), point_features(cloud.xyz, near, channels), near.spacing)

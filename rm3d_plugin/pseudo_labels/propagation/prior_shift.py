@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-TRUST = 5.0  # labels that the solution's frequencies count against one pseudo label of the labels' own
+TRUST = 50.0  # labels that the solution's frequencies count against one pseudo label of the labels' own
 
 
 def prior_shift(
@@ -22,9 +22,9 @@ def prior_shift(
         counts: Labels of each class, at least one.
         half: See :func:`label_trust`.
 
-    >>> prior_shift(np.array([0, 0, 0, 1]), np.ones(4, int), np.array([1, 1]), 5.0)
+    >>> prior_shift(np.array([0, 0, 0, 1]), np.ones(4, int), np.array([1, 1]), 3.0)
     array([1., 1.])
-    >>> prior_shift(np.array([0, 0, 0, 1]), np.ones(4, int), np.array([30, 10]), 5.0).round(1)
+    >>> prior_shift(np.array([0, 0, 0, 1]), np.ones(4, int), np.array([30, 10]), 3.0).round(1)
     array([1., 1.])
     """
     total, number = counts.sum(), len(counts)
@@ -43,8 +43,8 @@ def label_trust(counts: Int[np.ndarray, ' classes'], half: float) -> float:
         counts: Labels of each class, at least one.
         half: Labels a class at which it is near one half.
 
-    >>> round(label_trust(np.array([20, 20]), 5.0), 2)
-    0.83
+    >>> round(label_trust(np.array([20, 20]), 3.0), 2)
+    0.9
     """
     mean = float(1.0 / np.mean(1.0 / counts))
     return (mean - 1.0) / (mean + half - 2.0)

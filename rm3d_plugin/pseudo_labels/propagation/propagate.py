@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.kernel_classes import normalised
 from rm3d_plugin.pseudo_labels.propagation.choose import Choice, choose
-from rm3d_plugin.pseudo_labels.propagation.estimate import Estimate, estimate_miou
+from rm3d_plugin.pseudo_labels.propagation.estimate import Estimate, calibrated, estimate_miou
 from rm3d_plugin.pseudo_labels.propagation.left_out import LeftOut, leave_labels_out, strength_of
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
@@ -84,7 +84,7 @@ def propagate_prepared(
     shares = _answer(scene, labelled, classes, len(present), choice.candidate, rules)
     estimate = None if left is None else _estimate(shares, annotated < 0, left, classes, choice.candidate, rules)
     if estimate is not None:
-        shares = normalised(shares**estimate.sharpness)
+        shares = calibrated(shares, estimate.sharpness)
     return _named(shares, annotated, present, num_classes, choice, estimate)
 
 
@@ -132,9 +132,7 @@ def _answer(
     solution = solve(coarse, node[labelled], classes, count, strength, settings)
     fixed = np.zeros(len(node), dtype=np.bool_)
     fixed[labelled] = True
-    walked = relax(
-        scene.graph, solution.shares[node], solution.prior[node], solution.strength, fixed, settings.sweeps
-    )
+    walked = relax(scene.graph, solution.shares[node], solution.prior[node], solution.strength, fixed, settings.sweeps)
     reached = walked.sum(axis=1) > 1e-6  # what no labelled point is joined to takes the nearest
     shares[reached] = normalised(walked[reached])
     return shares

@@ -41,10 +41,10 @@ class PropagationSettings:
     looks_only_strength: float = 0.05
     sweeps: int = 10
     prior_rounds: int = 2
-    prior_half: float = 5.0
+    prior_half: float = 3.0
     folds: int = 5
     least_left_out: int = 10
-    errors_apart: float = 2.0
+    errors_apart: float = 3.0
     examples: int = 200
     draws: int = 200
     seed: int = 0

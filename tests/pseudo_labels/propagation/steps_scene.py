@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rm3d_plugin.structures import PointCloud, UNLABELLED
+from rm3d_plugin.structures import UNLABELLED, PointCloud
 
 FLOOR, SHELF, WALL = 0, 1, 2
 

@@ -26,7 +26,7 @@ def test_labels_in_one_place_are_left_out_together_and_a_single_place_never():
 
 
 def test_trust_grows_with_the_labels_of_the_poorest_classes():
-    trusts = [label_trust(np.array(counts), 5.0) for counts in ([1, 1], [1, 19], [5, 5], [20, 20], [200, 200])]
+    trusts = [label_trust(np.array(counts), 3.0) for counts in ([1, 1], [1, 19], [5, 5], [20, 20], [200, 200])]
     assert trusts[0] == 0.0
     assert trusts == sorted(trusts)
     assert trusts[-1] < 1.0
@@ -34,9 +34,9 @@ def test_trust_grows_with_the_labels_of_the_poorest_classes():
 
 def test_a_prior_shift_follows_what_is_frequent_where_labels_are_even():
     said, sizes = np.repeat([0, 1], [90, 10]), np.ones(100, int)
-    even = prior_shift(said, sizes, np.array([20, 20]), 5.0)
-    assert even[0] / even[1] == pytest.approx(9.0 ** label_trust(np.array([20, 20]), 5.0), rel=0.05)
-    drawn = prior_shift(said, sizes, np.array([180, 20]), 5.0)
+    even = prior_shift(said, sizes, np.array([20, 20]), 3.0)
+    assert even[0] / even[1] == pytest.approx(9.0 ** label_trust(np.array([20, 20]), 3.0), rel=0.05)
+    drawn = prior_shift(said, sizes, np.array([180, 20]), 3.0)
     assert drawn[0] / drawn[1] == pytest.approx(1.0, rel=0.1)
 
 

@@ -50,8 +50,8 @@ def test_smoothed_is_the_mean_of_the_nearest():
     cloud, _ = scene()
     near = neighborhoods(cloud.xyz)
     values = cloud.colors.astype(float)
-    expected = np.stack([values[row[:9]].mean(axis=0) for row in near.index[:50]])
-    np.testing.assert_allclose(smoothed(values, near.index)[:50], expected)
+    expected = np.stack([values[row[:9]].mean(axis=0) for row in near.nearest[:50]])
+    np.testing.assert_allclose(smoothed(values, near.nearest)[:50], expected)
 
 
 def test_features_are_finite_and_do_not_depend_on_where_the_scene_lies():

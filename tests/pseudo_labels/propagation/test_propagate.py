@@ -3,8 +3,8 @@ import pytest
 from steps_scene import clicks, scene
 
 from rm3d_plugin.pseudo_labels.propagation import PropagationSettings, propagate
-from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
 from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
 from rm3d_plugin.structures import PointCloud
 
 
