@@ -130,12 +130,12 @@ def summary(rows: dict[str, list[list[float]]]) -> Iterator[str]:
         known = np.isfinite(table[:, 4])
         told, low, high = table[known, 4:7].T
         inside = (low <= ours[known]) & (ours[known] <= high)
-        yield (
-            f'{budget:24s} nearest {near.mean():.1f}, place and colour {_mean(coloured):.1f}, walker {_mean(walker):.1f}, '
-            f'ours {ours.mean():.1f}; worst against the trivial {(ours - np.fmax(near, coloured)).min():+.1f}, against '
-            f'the walker {_least(ours - walker):+.1f}; of {known.sum()} intervals {100 * _mean(inside):.0f} % hold, '
-            f'{_mean(high - low):.1f} wide, off by {_mean(np.abs(told - ours[known])):.1f}'
-        )
+        means = f'nearest {near.mean():.1f}, place and colour {_mean(coloured):.1f}, walker {_mean(walker):.1f}'
+        trivial, floor = (ours - np.fmax(near, coloured)).min(), _least(ours - walker)
+        worst = f'worst against the trivial {trivial:+.1f}, against the walker {floor:+.1f}'
+        held, wide, off = 100 * _mean(inside), _mean(high - low), _mean(np.abs(told - ours[known]))
+        intervals = f'of {known.sum()} intervals {held:.0f} % hold, {wide:.1f} wide, off by {off:.1f}'
+        yield f'{budget:24s} {means}, ours {ours.mean():.1f}; {worst}; {intervals}'
 
 
 def _mean(values: np.ndarray) -> float:
