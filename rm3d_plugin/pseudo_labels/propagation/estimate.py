@@ -15,7 +15,7 @@ from rm3d_plugin.pseudo_labels.kernel_classes import normalised
 
 SHARPNESS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)  # powers of the probabilities that are tried
 USUAL = 1.4  # of the answers of the chosen scans: they have all labels, those that are checked four of five
-HELD = 0.4  # mean log likelihood that a power e times the usual one must gain
+HELD = 60.0  # log likelihood, of all labels together, that a power e times the usual one must gain
 LABELS_WORTH = 0.35  # observations of a class's IoU that a left-out label counts as; chosen so that intervals hold
 LEAST_LABELS = 3  # of a class that can be left out, in half of the classes, or there is no estimate
 INSIDE = (0.05, 0.95)  # quantiles of the draws that the interval spans
@@ -85,8 +85,8 @@ def label_gains(
 ) -> Float[np.ndarray, 'powers left']:
     """What each left-out label says for each power of the shares; the power with the largest mean is the likeliest.
 
-    Log likelihoods, less what holds to the usual power. Labels of a class count together as the class is frequent in
-    the answer, and as one of all classes, half and half.
+    Log likelihoods, less the label's part in what holds to the usual power. Labels of a class count together as the
+    class is frequent in the answer, and as one of all classes, half and half.
 
     Args:
         left_shares: Rows of sum 1, or zeros.
@@ -100,7 +100,8 @@ def label_gains(
     rows = rows - rows.max(axis=2, keepdims=True)
     rows -= np.log(np.exp(rows).sum(axis=2, keepdims=True))
     likelihood = weight * rows[:, np.arange(len(weight)), left_classes]
-    return np.asarray(likelihood - HELD * np.square(np.log(np.array(SHARPNESS) / USUAL))[:, None])
+    away = np.square(np.log(np.array(SHARPNESS) / USUAL))[:, None]
+    return np.asarray(likelihood - HELD / max(len(weight), 1) * away)
 
 
 def expected_ious(shares: Float[np.ndarray, 'points classes'], power: float) -> Float[np.ndarray, ' classes']:

@@ -2,11 +2,9 @@ import numpy as np
 import pytest
 
 from rm3d_plugin.pseudo_labels.propagation.estimate import (
-    SHARPNESS,
     calibrated,
     estimate_miou,
     expected_ious,
-    label_gains,
 )
 
 FREQUENCY = np.array([0.7, 0.25, 0.05])
@@ -26,14 +24,14 @@ def ious(shares, true):
     return np.array([((named == c) & (true == c)).sum() / ((named == c) | (true == c)).sum() for c in range(3)])
 
 
-@pytest.mark.parametrize('power', [1 / 1.4, 1.0, 1 / 0.7])
-def test_intervals_hold_the_truth_however_sure_the_answer_is_of_itself(power):
+@pytest.mark.parametrize(('power', 'labels'), [(1 / 1.4, 20), (1 / 1.4, 40), (1.0, 40), (1 / 0.7, 1000)])
+def test_intervals_hold_the_truth_and_many_labels_undo_over_confidence(power, labels):
     held, errors = [], []
-    for seed in range(30):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         true = rng.choice(3, 4000, p=FREQUENCY)
         shares = answer(rng, true, power)
-        left = np.repeat(np.arange(3), 40)  # as many of each class, which the points are not
+        left = np.repeat(np.arange(3), labels)  # as many of each class, which the points are not
         told = estimate_miou(shares, answer(rng, left, power), left, 100, rng)
         truth = 100 * ious(shares, true).mean()
         held.append(told.low <= truth <= told.high)
@@ -48,14 +46,6 @@ def test_ious_of_calibrated_probabilities_are_those_that_come_true():
     true = rng.choice(3, 20000, p=FREQUENCY)
     shares = answer(rng, true)
     np.testing.assert_allclose(expected_ious(shares, 1.0), ious(shares, true), atol=0.03)
-
-
-def test_many_labels_undo_over_confidence():
-    rng = np.random.default_rng(0)
-    true = rng.choice(3, 5000, p=FREQUENCY)
-    gains = label_gains(answer(rng, true, 2.0), true, FREQUENCY)
-    assert gains.shape == (len(SHARPNESS), 5000)
-    assert SHARPNESS[gains.mean(axis=1).argmax()] in (0.5, 0.7)
 
 
 def test_calibration_keeps_the_class_and_rows_of_zeros():
