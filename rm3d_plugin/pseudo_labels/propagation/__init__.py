@@ -3,13 +3,13 @@
 from rm3d_plugin.pseudo_labels.propagation.estimate import Estimate
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.propagate import Propagation, propagate, propagate_prepared
-from rm3d_plugin.pseudo_labels.propagation.rules import PropagationSettings
+from rm3d_plugin.pseudo_labels.propagation.rules import PropagationRules
 
 __all__ = [
     'Estimate',
     'PreparedCloud',
     'Propagation',
-    'PropagationSettings',
+    'PropagationRules',
     'prepare_cloud',
     'propagate',
     'propagate_prepared',

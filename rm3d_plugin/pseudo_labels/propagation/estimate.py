@@ -108,7 +108,7 @@ def expected_ious(shares: Float[np.ndarray, 'points classes'], power: float) -> 
     """IoU of each class as the probabilities expect it, were they right as often as they say.
 
     >>> expected_ious(np.array([[0.9, 0.1], [0.9, 0.1], [0.2, 0.8]]), 1.0).round(2)
-    array([0.86, 0.67])
+    array([0.82, 0.67])
     """
     raised = np.maximum(shares, LEAST) ** power
     raised /= raised.sum(axis=1, keepdims=True)

@@ -10,7 +10,7 @@ from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import label_trust
-from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, Candidate, PropagationSettings
+from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, Candidate, PropagationRules
 from rm3d_plugin.pseudo_labels.propagation.solve import CoarseScene, coarse_scene, solve
 
 
@@ -32,7 +32,7 @@ def leave_labels_out(
     classes: Int[np.ndarray, ' labelled'],
     count: int,
     candidates: Sequence[Candidate],
-    settings: PropagationSettings,
+    rules: PropagationRules,
 ) -> LeftOut | None:
     """Leave the labels out part by part, and ask every candidate about them.
 
@@ -42,23 +42,23 @@ def leave_labels_out(
         classes: Of each, from 0 to ``count`` - 1, each of them there.
         count: Number of classes.
         candidates: That are asked.
-        settings: How many parts, and on how coarse a graph.
+        rules: How many parts, and on how coarse a graph.
 
     Returns:
-        None where too few labels can be left out (:attr:`PropagationSettings.least_left_out`).
+        None where too few labels can be left out (:attr:`PropagationRules.least_left_out`).
     """
     xyz = scene.cloud.xyz[labelled].astype(np.float64)
-    generator = np.random.default_rng(settings.seed)
-    part = label_folds(xyz, classes, scene.spacing, max(settings.folds, 2), generator)
+    generator = np.random.default_rng(rules.seed)
+    part = label_folds(xyz, classes, scene.spacing, max(rules.folds, 2), generator)
     rows = np.flatnonzero(part >= 0)
-    if settings.folds < 2 or len(rows) < settings.least_left_out:
+    if rules.folds < 2 or len(rows) < rules.least_left_out:
         return None
-    coarse = coarse_scene(scene, labelled, settings.left_out_nodes)
+    coarse = coarse_scene(scene, labelled, rules.left_out_nodes)
     shares: dict[Candidate, np.ndarray] = {name: np.zeros((len(labelled), count)) for name in candidates}
     for number in np.unique(part[rows]):
         asked = part == number
         for name in candidates:
-            shares[name][asked] = _asked(name, scene, coarse, labelled, classes, asked, count, settings)
+            shares[name][asked] = _asked(name, scene, coarse, labelled, classes, asked, count, rules)
     return LeftOut(rows, {name: each[rows] for name, each in shares.items()})
 
 
@@ -70,7 +70,7 @@ def _asked(
     classes: Int[np.ndarray, ' labelled'],
     asked: Bool[np.ndarray, ' labelled'],
     count: int,
-    settings: PropagationSettings,
+    rules: PropagationRules,
 ) -> Float[np.ndarray, 'asked classes']:
     told, told_classes = labelled[~asked], classes[~asked]
     if name in ('nearest', 'nearest in place and colour'):
@@ -83,14 +83,14 @@ def _asked(
         )
         return np.asarray(np.eye(count)[said[len(told) :]])
     nodes = coarse.coarse.node
-    solution = solve(coarse, nodes[told], told_classes, count, strength_of(name, told_classes, settings), settings)
+    solution = solve(coarse, nodes[told], told_classes, count, strength_of(name, told_classes, rules), rules)
     return solution.shares[nodes[labelled[asked]]]
 
 
-def strength_of(name: Candidate, classes: Int[np.ndarray, ' labelled'], settings: PropagationSettings) -> float:
+def strength_of(name: Candidate, classes: Int[np.ndarray, ' labelled'], rules: PropagationRules) -> float:
     """Of the looks, by candidate and by how many labels of each class teach them."""
     if name != DEFAULT:
-        return 0.0 if name == 'walker' else settings.looks_only_strength
+        return 0.0 if name == 'walker' else rules.looks_only_strength
     counts = np.bincount(classes)
-    trust = label_trust(counts[counts > 0], settings.prior_half)
-    return settings.looks_strength + trust * (settings.taught_strength - settings.looks_strength)
+    trust = label_trust(counts[counts > 0], rules.prior_half)
+    return rules.looks_strength + trust * (rules.taught_strength - rules.looks_strength)

@@ -17,7 +17,7 @@ from rm3d_plugin.pseudo_labels.propagation.left_out import LeftOut, leave_labels
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.relax import relax
-from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, Candidate, PropagationSettings
+from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, Candidate, PropagationRules
 from rm3d_plugin.pseudo_labels.propagation.solve import coarse_scene, solve
 from rm3d_plugin.structures import UNLABELLED, PointCloud
 
@@ -47,7 +47,7 @@ def propagate(
     cloud: PointCloud,
     annotated: Int[np.ndarray, ' points'],
     num_classes: int,
-    settings: PropagationSettings | None = None,
+    rules: PropagationRules | None = None,
 ) -> Propagation:
     """Label every point of a scan from the few that are labelled.
 
@@ -57,24 +57,24 @@ def propagate(
         cloud: N points, metres, z up.
         annotated: Class of each, -1 = unknown.
         num_classes: Number of classes.
-        settings: None: the defaults.
+        rules: None: the defaults.
 
     Raises:
         ValueError: ``annotated`` has another length, or a class that there is not.
     """
     _check(len(cloud), annotated, num_classes)
-    return propagate_prepared(prepare_cloud(cloud), annotated, num_classes, settings)
+    return propagate_prepared(prepare_cloud(cloud), annotated, num_classes, rules)
 
 
 def propagate_prepared(
     scene: PreparedCloud,
     annotated: Int[np.ndarray, ' points'],
     num_classes: int,
-    settings: PropagationSettings | None = None,
+    rules: PropagationRules | None = None,
 ) -> Propagation:
     """:func:`propagate` on a scan whose graph and features are there already: when labels are added one by one."""
     _check(len(scene.cloud), annotated, num_classes)
-    rules = settings or PropagationSettings()
+    rules = rules or PropagationRules()
     labelled = np.flatnonzero(annotated >= 0)
     if not len(labelled):
         return _nothing(len(annotated), num_classes)
@@ -114,7 +114,7 @@ def _answer(
     classes: Int[np.ndarray, ' labelled'],
     count: int,
     candidate: Candidate,
-    settings: PropagationSettings,
+    rules: PropagationRules,
 ) -> Float[np.ndarray, 'points present']:
     """Shares of the classes that are there at every point; rows of sum 1, as given at labelled points."""
     near = (
@@ -126,13 +126,13 @@ def _answer(
     if candidate.startswith('nearest'):
         shares[labelled] = np.eye(count, dtype=np.float32)[classes]
         return shares
-    coarse = coarse_scene(scene, labelled, settings.nodes)
+    coarse = coarse_scene(scene, labelled, rules.nodes)
     node = coarse.coarse.node
-    strength = strength_of(candidate, classes, settings)
-    solution = solve(coarse, node[labelled], classes, count, strength, settings)
+    strength = strength_of(candidate, classes, rules)
+    solution = solve(coarse, node[labelled], classes, count, strength, rules)
     fixed = np.zeros(len(node), dtype=np.bool_)
     fixed[labelled] = True
-    walked = relax(scene.graph, solution.shares[node], solution.prior[node], solution.strength, fixed, settings.sweeps)
+    walked = relax(scene.graph, solution.shares[node], solution.prior[node], solution.strength, fixed, rules.sweeps)
     reached = walked.sum(axis=1) > 1e-6  # what no labelled point is joined to takes the nearest
     shares[reached] = normalised(walked[reached])
     return shares
@@ -144,10 +144,10 @@ def _estimate(
     left: LeftOut,
     classes: Int[np.ndarray, ' labelled'],
     candidate: Candidate,
-    settings: PropagationSettings,
+    rules: PropagationRules,
 ) -> Estimate | None:
-    generator = np.random.default_rng(settings.seed + 1)
-    return estimate_miou(shares[hidden], left.shares[candidate], classes[left.rows], settings.draws, generator)
+    generator = np.random.default_rng(rules.seed + 1)
+    return estimate_miou(shares[hidden], left.shares[candidate], classes[left.rows], rules.draws, generator)
 
 
 def _named(

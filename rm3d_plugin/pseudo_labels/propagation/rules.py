@@ -9,11 +9,12 @@ CANDIDATES: tuple[Candidate, ...] = get_args(Candidate)
 
 
 @dataclass(frozen=True)
-class PropagationSettings:
+class PropagationRules:
     """How labels spread; no length, angle or colour is among it, since those are measured in each scan.
 
     The strength of the looks was chosen on eight Oakland tiles (part2), three SemanticKITTI scans (00) and six
-    synthetic rooms with weak colours; from a fifth to five times as much the mean mIoU differs by less than two points.
+    synthetic rooms with weak colours; with .001 to .03 instead of ``taught_strength`` the mean mIoU of these, at most
+    twenty labels a class, differs by less than three points.
 
     Attributes:
         nodes: Of the graph that is solved, at most (larger: sharper borders between classes, slower).

@@ -9,7 +9,7 @@ from jaxtyping import Int
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.propagate import Propagation, propagate_prepared
-from rm3d_plugin.pseudo_labels.propagation.rules import PropagationSettings
+from rm3d_plugin.pseudo_labels.propagation.rules import PropagationRules
 from rm3d_plugin.structures import UNLABELLED
 
 Budget = Literal['one a class', 'twenty a scan', 'twenty a class']
@@ -39,7 +39,7 @@ def propagation_scores(
     scene: PreparedCloud,
     semantic: Int[np.ndarray, ' points'],
     clicked: Int[np.ndarray, ' clicked'],
-    settings: PropagationSettings | None = None,
+    rules: PropagationRules | None = None,
 ) -> PropagationScores:
     """Propagate the true classes of some points, and compare with those of the others.
 
@@ -47,12 +47,12 @@ def propagation_scores(
         scene: The scan.
         semantic: True class of each point, -1 = unknown.
         clicked: Points whose class is shown.
-        settings: Of the propagation.
+        rules: Of the propagation.
     """
     annotated = np.full(len(semantic), UNLABELLED, dtype=np.int64)
     annotated[clicked] = semantic[clicked]
     began = time.perf_counter()
-    result = propagate_prepared(scene, annotated, int(semantic.max()) + 1, settings)
+    result = propagate_prepared(scene, annotated, int(semantic.max()) + 1, rules)
     seconds = time.perf_counter() - began
     coloured = np.nan
     if scene.cloud.colors is not None:

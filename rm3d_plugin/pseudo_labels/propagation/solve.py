@@ -11,7 +11,7 @@ from rm3d_plugin.pseudo_labels.propagation.harmonic import HarmonicSystem
 from rm3d_plugin.pseudo_labels.propagation.looks import looks_prior
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import prior_shift
-from rm3d_plugin.pseudo_labels.propagation.rules import PropagationSettings
+from rm3d_plugin.pseudo_labels.propagation.rules import PropagationRules
 
 
 class CoarseScene(NamedTuple):
@@ -57,7 +57,7 @@ def solve(
     classes: Int[np.ndarray, ' labelled'],
     count: int,
     strength: float,
-    settings: PropagationSettings,
+    rules: PropagationRules,
 ) -> Solution:
     """Random walker with looks as its prior, and frequencies read off its own answer.
 
@@ -67,7 +67,7 @@ def solve(
         classes: Of each, from 0 to ``count`` - 1, each of them there.
         count: Number of classes.
         strength: Of the looks, as a share of the usual degree of a point; 0: the random walker alone.
-        settings: The rest.
+        rules: The rest.
     """
     sizes, pull = scene.coarse.sizes, strength * scene.usual_degree
     system = HarmonicSystem(scene.coarse.weights, labelled, pull * sizes)
@@ -75,11 +75,11 @@ def solve(
     if not strength > 0:
         even = np.full((len(sizes), count), 1.0 / count)
         return Solution(normalised(np.maximum(system.shares(given, even), 0.0)), even, 0.0)
-    looks = looks_prior(scene.features, scene.scaling, labelled, classes, count, settings.examples)
+    looks = looks_prior(scene.features, scene.scaling, labelled, classes, count, rules.examples)
     counts, prior = np.bincount(classes, minlength=count), looks
     shares = system.shares(given, prior)
-    for _ in range(settings.prior_rounds if counts.max(initial=0) > 1 else 0):
-        factors = prior_shift(shares.argmax(axis=1), sizes, np.maximum(counts, 1), settings.prior_half)
+    for _ in range(rules.prior_rounds if counts.max(initial=0) > 1 else 0):
+        factors = prior_shift(shares.argmax(axis=1), sizes, np.maximum(counts, 1), rules.prior_half)
         prior = normalised(looks * factors)
         shares = system.shares(given, prior)
     return Solution(normalised(np.maximum(shares, 0.0)), prior, pull)
