@@ -67,7 +67,7 @@ def stored(path: Path) -> Scan:
 
 def plain_walker(cloud: PointCloud) -> scipy.sparse.csr_array:
     """Weights of a random walker with fixed scales: degrees, Lab units, curvature; a floor that needs no scan's own."""
-    near, channels = neighborhoods(cloud.xyz, 20), channel_groups(cloud)
+    near, channels = neighborhoods(cloud.xyz), channel_groups(cloud)
     start, end = np.repeat(np.arange(len(cloud)), 12), near.nearest[:, 1:13].ravel()
     cosine = np.abs((near.normal[start] * near.normal[end]).sum(axis=1)).clip(0, 1)
     angle = 20.0 if cloud.colors is None else 7.0
