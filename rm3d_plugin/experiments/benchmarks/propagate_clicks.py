@@ -1,26 +1,27 @@
-"""Few labels spread over real scans: nearest label, plain random walker and ours, a row a scan and budget.
+"""Few clicks propagated over real scans: nearest label, plain random walker and ours, a row a scan and budget.
 
-    python tools/benchmarks/propagate_clicks.py [DATA_ROOT] [--seeds 0 1 2] [--half chosen|apart|all] [SCAN.npz ...]
-
-DATA_ROOT (default: environment variable RM3D_REAL_DATA) holds ``oakland`` and ``semantickitti``; an npz file has xyz
-(N, 3) metres, semantic (N,) (-1 = unknown), optional rgb (N, 3) 0-255 and intensity (N,).
+A folder of real data holds ``oakland`` and ``semantickitti``; an npz file has xyz (N, 3) metres, semantic (N,)
+(-1 = unknown), optional rgb (N, 3) 0-255 and intensity (N,).
 """
 
 import argparse
-import os
+import sys
 import time
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
+from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.datasets.kitti_format import read_velodyne
 from rm3d_plugin.datasets.oakland_format import merge_ids as merge_oakland
 from rm3d_plugin.datasets.oakland_format import read_tile
 from rm3d_plugin.datasets.semantickitti_format import merge_ids, read_labels
+from rm3d_plugin.experiments.benchmarks.measure import machine
 from rm3d_plugin.pseudo_labels.propagation.channels import channel_groups
 from rm3d_plugin.pseudo_labels.propagation.neighborhoods import neighborhoods
 from rm3d_plugin.pseudo_labels.propagation.point_graph import smoothed
@@ -28,6 +29,8 @@ from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
 from rm3d_plugin.structures import PointCloud
 
+NAME = 'propagate-clicks'
+HELP = 'mIoU and seconds of few clicks propagated over each real scan'
 CHOSEN = ('part2', '00/')  # scans on which constants were chosen: Oakland's part2, SemanticKITTI's sequence 00
 
 
@@ -37,6 +40,31 @@ class Scan(NamedTuple):
     name: str
     cloud: PointCloud
     semantic: np.ndarray
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the benchmark."""
+    parser.add_argument('sources', nargs='+', type=Path, help='folder of real data, or npz files')
+    parser.add_argument('--seeds', nargs='+', type=int, default=[0], help='of the drawn clicks; default 0')
+    parser.add_argument(
+        '--half',
+        choices=['chosen', 'apart', 'all'],
+        default='all',
+        help='chosen: the scans on which constants were chosen; apart: the others; default all',
+    )
+    parser.add_argument('--no-walker', action='store_true', help='leave the plain random walker out (it is slow)')
+    parser.set_defaults(repeats=1)
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """A line a scan and budget on the way; then means by budget and seed."""
+    rows: dict[str, list[list[float]]] = {}
+    for scan in (scan for source in args.sources for scan in scans_of(source)):
+        if args.half != 'all' and (args.half == 'chosen') != scan.name.startswith(CHOSEN):
+            continue
+        for budget, row in rows_of(scan, args.seeds, not args.no_walker):
+            rows.setdefault(budget, []).append(row)
+    return {budget: summary(each) for budget, each in rows.items()} | {'machine': machine()}
 
 
 def oakland(root: Path) -> Iterator[Scan]:
@@ -118,24 +146,41 @@ def rows_of(scan: Scan, seeds: list[int], walker: bool) -> Iterator[tuple[str, l
             told = [np.nan] * 3 if estimate is None else [estimate.miou, estimate.low, estimate.high]
             row = [score.nearest, score.place_and_colour, floor, score.propagated, *told, score.seconds, prepared]
             line = ' '.join(f'{value:6.1f}' for value in row)
-            print(f'{scan.name:16s} seed {seed} {budget:14s} {line}  {score.result.choice.candidate}', flush=True)
+            text = f'{scan.name:16s} seed {seed} {budget:14s} {line}  {score.result.choice.candidate}'
+            print(text, file=sys.stderr, flush=True)
             yield f'{budget}, seed {seed}', row
 
 
-def summary(rows: dict[str, list[list[float]]]) -> Iterator[str]:
-    """Means over scans, the worst difference to the better trivial answer and to the walker, and the estimates."""
-    for budget, each in rows.items():
-        table = np.array(each)
-        near, coloured, walker, ours = table[:, :4].T
-        known = np.isfinite(table[:, 4])
-        told, low, high = table[known, 4:7].T
-        inside = (low <= ours[known]) & (ours[known] <= high)
-        means = f'nearest {near.mean():.1f}, place and colour {_mean(coloured):.1f}, walker {_mean(walker):.1f}'
-        trivial, floor = (ours - np.fmax(near, coloured)).min(), _least(ours - walker)
-        worst = f'worst against the trivial {trivial:+.1f}, against the walker {floor:+.1f}'
-        held, wide, off = 100 * _mean(inside), _mean(high - low), _mean(np.abs(told - ours[known]))
-        intervals = f'of {known.sum()} intervals {held:.0f} % hold, {wide:.1f} wide, off by {off:.1f}'
-        yield f'{budget:24s} {means}, ours {ours.mean():.1f}; {worst}; {intervals}'
+def summary(rows: list[list[float]]) -> dict[str, float | None]:
+    """Means over scans, the worst difference to the better trivial answer and to the walker, and the estimates.
+
+    Args:
+        rows: Of :func:`rows_of`, one a scan.
+
+    Returns:
+        Name -> mIoU in percent, seconds or number; None where there is nothing to average.
+    """
+    table = np.array(rows)
+    near, coloured, walker, ours = table[:, :4].T
+    known = np.isfinite(table[:, 4])
+    told, low, high = table[known, 4:7].T
+    inside = (low <= ours[known]) & (ours[known] <= high)
+    numbers = {
+        'scans': len(table),
+        'nearest_miou': _mean(near),
+        'place_and_colour_miou': _mean(coloured),
+        'walker_miou': _mean(walker),
+        'ours_miou': _mean(ours),
+        'worst_against_trivial': _least(ours - np.fmax(near, coloured)),
+        'worst_against_walker': _least(ours - walker),
+        'intervals': int(known.sum()),
+        'intervals_that_hold_percent': 100 * _mean(inside),
+        'interval_width': _mean(high - low),
+        'estimate_error': _mean(np.abs(told - ours[known])),
+        'seconds': _mean(table[:, 7]),
+        'seconds_prepare': _mean(table[:, 8]),
+    }
+    return {name: None if np.isnan(value) else round(value, 1) for name, value in numbers.items()}
 
 
 def _mean(values: np.ndarray) -> float:
@@ -148,32 +193,17 @@ def _least(values: np.ndarray) -> float:
     return float(there.min()) if len(there) else float('nan')
 
 
-def main() -> None:
-    """Read the command line, print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('sources', nargs='*', help='folder of real data, or npz files')
-    parser.add_argument('--seeds', nargs='+', type=int, default=[0])
-    parser.add_argument('--half', choices=['chosen', 'apart', 'all'], default='all')
-    parser.add_argument('--no-walker', action='store_true', help='leave the plain random walker out (it is slow)')
-    args = parser.parse_args()
-    sources = args.sources or [os.environ.get('RM3D_REAL_DATA', 'data')]
-    rows: dict[str, list[list[float]]] = {}
-    for scan in (scan for source in sources for scan in scans_of(Path(source))):
-        if args.half != 'all' and (args.half == 'chosen') != scan.name.startswith(CHOSEN):
-            continue
-        for budget, row in rows_of(scan, args.seeds, not args.no_walker):
-            rows.setdefault(budget, []).append(row)
-    print('\n'.join(summary(rows)))
-
-
 def scans_of(source: Path) -> Iterator[Scan]:
-    """The scan of a file, or all of a folder."""
+    """The scan of a file, or all of a folder.
+
+    Raises:
+        DatasetNotFoundError: There is no scan.
+    """
     if source.is_file():
         yield stored(source)
         return
-    yield from oakland(source)
-    yield from semantickitti(source)
-
-
-if __name__ == '__main__':
-    main()
+    scans = chain(oakland(source), semantickitti(source))
+    first = next(scans, None)
+    if first is None:
+        raise DatasetNotFoundError(f'{source}: expected oakland/*.xyz_label_conf or semantickitti/sequences inside')
+    yield from chain([first], scans)

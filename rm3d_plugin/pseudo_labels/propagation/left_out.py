@@ -10,7 +10,7 @@ from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import label_trust
-from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, Candidate, PropagationRules
+from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, Candidate, WalkerRules
 from rm3d_plugin.pseudo_labels.propagation.solve import CoarseScene, coarse_scene, solve
 
 
@@ -32,7 +32,7 @@ def leave_labels_out(
     classes: Int[np.ndarray, ' labelled'],
     count: int,
     candidates: Sequence[Candidate],
-    rules: PropagationRules,
+    rules: WalkerRules,
 ) -> LeftOut | None:
     """Leave the labels out part by part, and ask every candidate about them.
 
@@ -45,7 +45,7 @@ def leave_labels_out(
         rules: How many parts, and on how coarse a graph.
 
     Returns:
-        None where too few labels can be left out (:attr:`PropagationRules.least_left_out`).
+        None where too few labels can be left out (:attr:`WalkerRules.least_left_out`).
     """
     xyz = scene.cloud.xyz[labelled].astype(np.float64)
     generator = np.random.default_rng(rules.seed)
@@ -70,7 +70,7 @@ def _asked(
     classes: Int[np.ndarray, ' labelled'],
     asked: Bool[np.ndarray, ' labelled'],
     count: int,
-    rules: PropagationRules,
+    rules: WalkerRules,
 ) -> Float[np.ndarray, 'asked classes']:
     told, told_classes = labelled[~asked], classes[~asked]
     if name in ('nearest', 'nearest in place and colour'):
@@ -87,10 +87,10 @@ def _asked(
     return solution.shares[nodes[labelled[asked]]]
 
 
-def strength_of(name: Candidate, classes: Int[np.ndarray, ' labelled'], rules: PropagationRules) -> float:
-    """Of the looks, by candidate and by how many labels of each class teach them."""
+def strength_of(name: Candidate, classes: Int[np.ndarray, ' labelled'], rules: WalkerRules) -> float:
+    """Of the feature prior, by candidate and by how many labels of each class teach it."""
     if name != DEFAULT:
-        return 0.0 if name == 'walker' else rules.looks_only_strength
+        return 0.0 if name == 'walker' else rules.features_only_strength
     counts = np.bincount(classes)
     trust = label_trust(counts[counts > 0], rules.prior_half)
-    return rules.looks_strength + trust * (rules.taught_strength - rules.looks_strength)
+    return rules.features_strength + trust * (rules.taught_strength - rules.features_strength)

@@ -19,7 +19,7 @@ MOST_CELLS = 1 << 22  # of a grid of columns; wider clouds get wider columns
 
 
 class _Level(NamedTuple):
-    """A thinned cloud: middles of voxels, points of each, and the nearest middle of each point."""
+    """A voxel-downsampled cloud: middles of voxels, points of each, and the nearest middle of each point."""
 
     middle: Float[np.ndarray, 'voxels 3']
     voxel: Int[np.ndarray, ' points']
@@ -45,10 +45,10 @@ def point_features(
     extra = np.concatenate([np.zeros((len(points), 0)), *channels], axis=1)
     columns = [near.shape, extra]
     for level in range(1, LEVELS + 1):
-        thin = _level(points, near.spacing * 2.0**level)
-        if len(thin.middle) < LEAST_VOXELS:
+        downsampled = _level(points, near.spacing * 2.0**level)
+        if len(downsampled.middle) < LEAST_VOXELS:
             break
-        columns.append(_level_features(points, thin, extra))
+        columns.append(_level_features(points, downsampled, extra))
     columns.append(_heights(points, near.spacing))
     return np.concatenate([column.astype(np.float32) for column in columns], axis=1)
 

@@ -1,7 +1,7 @@
 """From few labels to a label of every point of a scan.
 
 Nearest points form a graph whose edges are as strong as their ends are alike. Labels spread over it as a random walker
-would find them (Grady 2006), pulled towards what their looks say; how frequent the classes are is read off the answer.
+would find them (Grady 2006), pulled towards what their features say; how frequent classes are is read off the answer.
 Labels that are left out tell whether another candidate is better, and how good the answer is.
 """
 
@@ -17,7 +17,7 @@ from rm3d_plugin.pseudo_labels.propagation.left_out import LeftOut, leave_labels
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.relax import relax
-from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, Candidate, PropagationRules
+from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, Candidate, WalkerRules
 from rm3d_plugin.pseudo_labels.propagation.solve import coarse_scene, solve
 from rm3d_plugin.structures import UNLABELLED, PointCloud
 
@@ -47,7 +47,7 @@ def propagate(
     cloud: PointCloud,
     annotated: Int[np.ndarray, ' points'],
     num_classes: int,
-    rules: PropagationRules | None = None,
+    rules: WalkerRules | None = None,
 ) -> Propagation:
     """Label every point of a scan from the few that are labelled.
 
@@ -70,11 +70,11 @@ def propagate_prepared(
     scene: PreparedCloud,
     annotated: Int[np.ndarray, ' points'],
     num_classes: int,
-    rules: PropagationRules | None = None,
+    rules: WalkerRules | None = None,
 ) -> Propagation:
     """:func:`propagate` on a scan whose graph and features are there already: when labels are added one by one."""
     _check(len(scene.cloud), annotated, num_classes)
-    rules = rules or PropagationRules()
+    rules = rules or WalkerRules()
     labelled = np.flatnonzero(annotated >= 0)
     if not len(labelled):
         return _nothing(len(annotated), num_classes)
@@ -114,7 +114,7 @@ def _answer(
     classes: Int[np.ndarray, ' labelled'],
     count: int,
     candidate: Candidate,
-    rules: PropagationRules,
+    rules: WalkerRules,
 ) -> Float[np.ndarray, 'points present']:
     """Shares of the classes that are there at every point; rows of sum 1, as given at labelled points."""
     near = (
@@ -144,7 +144,7 @@ def _estimate(
     left: LeftOut,
     classes: Int[np.ndarray, ' labelled'],
     candidate: Candidate,
-    rules: PropagationRules,
+    rules: WalkerRules,
 ) -> Estimate | None:
     generator = np.random.default_rng(rules.seed + 1)
     return estimate_miou(shares[hidden], left.shares[candidate], classes[left.rows], rules.draws, generator)

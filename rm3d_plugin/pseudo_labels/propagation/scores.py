@@ -9,7 +9,7 @@ from jaxtyping import Int
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.propagate import Propagation, propagate_prepared
-from rm3d_plugin.pseudo_labels.propagation.rules import PropagationRules
+from rm3d_plugin.pseudo_labels.propagation.rules import WalkerRules
 from rm3d_plugin.structures import UNLABELLED
 
 Budget = Literal['one a class', 'twenty a scan', 'twenty a class']
@@ -39,7 +39,7 @@ def propagation_scores(
     scene: PreparedCloud,
     semantic: Int[np.ndarray, ' points'],
     clicked: Int[np.ndarray, ' clicked'],
-    rules: PropagationRules | None = None,
+    rules: WalkerRules | None = None,
 ) -> PropagationScores:
     """Propagate the true classes of some points, and compare with those of the others.
 

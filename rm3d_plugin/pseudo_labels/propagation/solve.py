@@ -7,11 +7,11 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, normalised, scaling_of
 from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening, coarsen, node_means
+from rm3d_plugin.pseudo_labels.propagation.feature_prior import feature_prior
 from rm3d_plugin.pseudo_labels.propagation.harmonic import HarmonicSystem
-from rm3d_plugin.pseudo_labels.propagation.looks import looks_prior
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import prior_shift
-from rm3d_plugin.pseudo_labels.propagation.rules import PropagationRules
+from rm3d_plugin.pseudo_labels.propagation.rules import WalkerRules
 
 
 class CoarseScene(NamedTuple):
@@ -35,7 +35,7 @@ class Solution(NamedTuple):
 
     Attributes:
         shares: (M, C) rows of sum 1; zeros where nothing is known.
-        prior: (M, C) what the looks say, with frequencies.
+        prior: (M, C) what the features say, with frequencies.
         strength: Pull of the prior at a point, in the unit of the weights.
     """
 
@@ -57,16 +57,16 @@ def solve(
     classes: Int[np.ndarray, ' labelled'],
     count: int,
     strength: float,
-    rules: PropagationRules,
+    rules: WalkerRules,
 ) -> Solution:
-    """Random walker with looks as its prior, and frequencies read off its own answer.
+    """Random walker with features as its prior, and frequencies read off its own answer.
 
     Args:
         scene: Coarse.
         labelled: Nodes with a label, at least one, each once.
         classes: Of each, from 0 to ``count`` - 1, each of them there.
         count: Number of classes.
-        strength: Of the looks, as a share of the usual degree of a point; 0: the random walker alone.
+        strength: Of the features, as a share of the usual degree of a point; 0: the random walker alone.
         rules: The rest.
     """
     sizes, pull = scene.coarse.sizes, strength * scene.usual_degree
@@ -75,11 +75,11 @@ def solve(
     if not strength > 0:
         even = np.full((len(sizes), count), 1.0 / count)
         return Solution(normalised(np.maximum(system.shares(given, even), 0.0)), even, 0.0)
-    looks = looks_prior(scene.features, scene.scaling, labelled, classes, count, rules.examples)
-    counts, prior = np.bincount(classes, minlength=count), looks
+    likely = feature_prior(scene.features, scene.scaling, labelled, classes, count, rules.examples)
+    counts, prior = np.bincount(classes, minlength=count), likely
     shares = system.shares(given, prior)
     for _ in range(rules.prior_rounds if counts.max(initial=0) > 1 else 0):
         factors = prior_shift(shares.argmax(axis=1), sizes, np.maximum(counts, 1), rules.prior_half)
-        prior = normalised(looks * factors)
+        prior = normalised(likely * factors)
         shares = system.shares(given, prior)
     return Solution(normalised(np.maximum(shares, 0.0)), prior, pull)

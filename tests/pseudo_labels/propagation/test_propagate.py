@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from steps_scene import clicks, scene
 
-from rm3d_plugin.pseudo_labels.propagation import PropagationRules, propagate
+from rm3d_plugin.pseudo_labels.propagation import WalkerRules, propagate
 from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
 from rm3d_plugin.structures import PointCloud
@@ -90,7 +90,7 @@ def test_wrong_input_is_named():
 
 def test_settings_without_leaving_out():
     cloud, semantic = scene()
-    assert propagate(cloud, clicks(semantic, 15), 3, PropagationRules(folds=0)).estimate is None
+    assert propagate(cloud, clicks(semantic, 15), 3, WalkerRules(folds=0)).estimate is None
 
 
 def test_draws_are_what_they_say():

@@ -1,15 +1,15 @@
-"""What labelled nodes teach about how classes look."""
+"""What the features of labelled nodes say of the class of others."""
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, evenly_chosen, fit_kernel_classes, normalised
+from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, evenly_chosen, fit_kernel_classifier, normalised
 
 LENGTH = 0.8  # of the kernel, in root mean square deviations of the features: that of the region classifier
-LEAST = 1e-9  # share of a class that looks rule out
+LEAST = 1e-9  # share of a class that features rule out
 
 
-def looks_prior(
+def feature_prior(
     features: Float[np.ndarray, 'nodes features'],
     scaling: Scaling,
     labelled: Int[np.ndarray, ' labelled'],
@@ -28,5 +28,5 @@ def looks_prior(
         examples: Labels of a class that teach, at most.
     """
     chosen = evenly_chosen(classes, examples)
-    taught = fit_kernel_classes(features[labelled[chosen]], classes[chosen], scaling, LENGTH)
+    taught = fit_kernel_classifier(features[labelled[chosen]], classes[chosen], scaling, LENGTH)
     return normalised(np.maximum(taught.shares(features, count), LEAST))
