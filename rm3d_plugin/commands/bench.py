@@ -14,12 +14,23 @@ from rm3d_plugin.experiments.benchmarks import (
     large_scene,
     octree,
     prepare,
+    propagate_clicks,
     regions,
     sparse_unet,
     training_step,
 )
 
-BENCHMARKS = (sparse_unet, training_step, octree, *descriptors.ALL, *regions.ALL, prepare, large_scene, first_call)
+BENCHMARKS = (
+    sparse_unet,
+    training_step,
+    octree,
+    *descriptors.ALL,
+    *regions.ALL,
+    prepare,
+    large_scene,
+    first_call,
+    propagate_clicks,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -13,6 +13,7 @@ NAMES = (
     'train',
     'test',
     'predict',
+    'label',
     'prepare',
     'draw_labels',
     'oversegment',

@@ -43,13 +43,13 @@ def predict_files(
     if isinstance(network.model, RM3DSegmentor):
         options = options or PointOptions()
         files = find_scans(scans, ENDINGS)
-        _check_names(files, [output_name(scan, options.format) for scan in files])
+        check_names(files, [output_name(scan, options.format) for scan in files])
         yield from predict_points(Segmenter.from_network(network, options), files, out, min_score or 0.0)
         return
     if options is not None and (given := options.given()):
         raise ConfigError(f'{checkpoint} finds boxes; {", ".join(given)} is for networks that classify points')
     files = find_scans(scans, BOX_ENDINGS)
-    _check_names(files, [scan.stem for scan in files])
+    check_names(files, [scan.stem for scan in files])
     least = 0.1 if min_score is None else min_score
     yield from predict_boxes(Detector.from_network(network), files, out, least)
 
@@ -69,11 +69,14 @@ def find_scans(paths: Sequence[Path], endings: Sequence[str]) -> list[Path]:
     return found
 
 
-def _check_names(scans: Sequence[Path], names: Sequence[str]) -> None:
+def check_names(scans: Sequence[Path], names: Sequence[str]) -> None:
+    """Whether each scan has an output of its own.
+
+    Raises:
+        ConfigError: Two would be written to the same file.
+    """
     first: dict[str, Path] = {}
     for scan, name in zip(scans, names, strict=True):
         if name in first:
-            raise ConfigError(
-                f'{first[name]} and {scan} would be written to the same file {name}; predict one at a time'
-            )
+            raise ConfigError(f'{first[name]} and {scan} would be written to the same file {name}; name one at a time')
         first[name] = scan

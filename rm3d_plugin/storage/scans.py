@@ -77,13 +77,35 @@ def read_scan(
         SceneError: The file is missing, empty, damaged or of another kind; the message names it.
     """
     path = Path(path)
-    if color_range not in COLOR_RANGES:
-        raise ValueError(f'color_range: expected one of {COLOR_RANGES}, got {color_range!r}')
     names = columns if isinstance(columns, str) else None
     if names is not None:
         split_names(names)
     given = None if columns is None or isinstance(columns, str) else columns
-    parts = find_roles(read_columns(path, names), given, path)
+    return scan_of_columns(read_columns(path, names), path, given, color_range, labels)
+
+
+def scan_of_columns(
+    columns: Mapping[str, np.ndarray],
+    path: Path,
+    given: Columns | None = None,
+    color_range: ColorRange = 'auto',
+    labels: bool = False,
+) -> Scan:
+    """:func:`read_scan` where the columns of the file are read already.
+
+    Args:
+        columns: From :func:`rm3d_plugin.storage.columns.read_columns`.
+        path: Of the file, for messages.
+        given: Parts of the columns that are told; the others are found by name.
+        color_range: See :func:`read_scan`.
+        labels: See :func:`read_scan`.
+
+    Raises:
+        SceneError: A column cannot be used.
+    """
+    if color_range not in COLOR_RANGES:
+        raise ValueError(f'color_range: expected one of {COLOR_RANGES}, got {color_range!r}')
+    parts = find_roles(columns, given, path)
     xyz = np.stack([parts[name] for name in 'xyz'], axis=1)
     if len(xyz) == 0:
         raise SceneError(f'{path}: holds no points')

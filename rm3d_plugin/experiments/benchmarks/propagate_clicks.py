@@ -1,0 +1,209 @@
+"""Few clicks propagated over real scans: nearest label, plain random walker and ours, a row a scan and budget.
+
+A folder of real data holds ``oakland`` and ``semantickitti``; an npz file has xyz (N, 3) metres, semantic (N,)
+(-1 = unknown), optional rgb (N, 3) 0-255 and intensity (N,).
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+from rm3d_plugin.datasets.base import DatasetNotFoundError
+from rm3d_plugin.datasets.kitti_format import read_velodyne
+from rm3d_plugin.datasets.oakland_format import merge_ids as merge_oakland
+from rm3d_plugin.datasets.oakland_format import read_tile
+from rm3d_plugin.datasets.semantickitti_format import merge_ids, read_labels
+from rm3d_plugin.experiments.benchmarks.measure import machine
+from rm3d_plugin.pseudo_labels.propagation.channels import channel_groups
+from rm3d_plugin.pseudo_labels.propagation.neighborhoods import neighborhoods
+from rm3d_plugin.pseudo_labels.propagation.point_graph import smoothed
+from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
+from rm3d_plugin.structures import PointCloud
+
+NAME = 'propagate-clicks'
+HELP = 'mIoU and seconds of few clicks propagated over each real scan'
+CHOSEN = ('part2', '00/')  # scans on which constants were chosen: Oakland's part2, SemanticKITTI's sequence 00
+
+
+class Scan(NamedTuple):
+    """A scan and its true classes."""
+
+    name: str
+    cloud: PointCloud
+    semantic: np.ndarray
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the benchmark."""
+    parser.add_argument('sources', nargs='+', type=Path, help='folder of real data, or npz files')
+    parser.add_argument('--seeds', nargs='+', type=int, default=[0], help='of the drawn clicks; default 0')
+    parser.add_argument(
+        '--half',
+        choices=['chosen', 'apart', 'all'],
+        default='all',
+        help='chosen: the scans on which constants were chosen; apart: the others; default all',
+    )
+    parser.add_argument('--no-walker', action='store_true', help='leave the plain random walker out (it is slow)')
+    parser.set_defaults(repeats=1)
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """A line a scan and budget on the way; then means by budget and seed."""
+    rows: dict[str, list[list[float]]] = {}
+    for scan in (scan for source in args.sources for scan in scans_of(source)):
+        if args.half != 'all' and (args.half == 'chosen') != scan.name.startswith(CHOSEN):
+            continue
+        for budget, row in rows_of(scan, args.seeds, not args.no_walker):
+            rows.setdefault(budget, []).append(row)
+    return {budget: summary(each) for budget, each in rows.items()} | {'machine': machine()}
+
+
+def oakland(root: Path) -> Iterator[Scan]:
+    """Every tile."""
+    for path in sorted(root.glob('oakland/*.xyz_label_conf')):
+        tile = read_tile(path)
+        name = path.stem.removeprefix('oakland_')
+        yield Scan(name, PointCloud.from_world(tile.xyz), np.asarray(merge_oakland(tile.label, path), np.int64))
+
+
+def semantickitti(root: Path) -> Iterator[Scan]:
+    """Every labelled scan; the remission where there is one."""
+    for labels in sorted(root.glob('semantickitti/sequences/*/labels/*.label')):
+        points = read_velodyne(labels.parent.parent / 'velodyne' / f'{labels.stem}.bin')
+        strength = np.clip(points[:, 3], 0.0, 1.0) if points[:, 3].any() else None
+        semantic = merge_ids(read_labels(labels, len(points)).semantic, labels)
+        name = f'{labels.parent.parent.name}/{labels.stem}'
+        yield Scan(name, PointCloud(points[:, :3], intensity=strength), np.asarray(semantic, np.int64))
+
+
+def stored(path: Path) -> Scan:
+    """A scan of an npz file."""
+    with np.load(path, allow_pickle=False) as file:
+        channels = {'colors': file['rgb'] / 255.0} if 'rgb' in file else {}
+        channels |= {'intensity': file['intensity']} if 'intensity' in file else {}
+        return Scan(path.stem, PointCloud.from_world(file['xyz'], **channels), file['semantic'].astype(np.int64))
+
+
+def plain_walker(cloud: PointCloud) -> scipy.sparse.csr_array:
+    """Weights of a random walker with fixed scales: degrees, Lab units, curvature; a floor that needs no scan's own."""
+    near, channels = neighborhoods(cloud.xyz), channel_groups(cloud)
+    start, end = np.repeat(np.arange(len(cloud)), 12), near.nearest[:, 1:13].ravel()
+    cosine = np.abs((near.normal[start] * near.normal[end]).sum(axis=1)).clip(0, 1)
+    angle = 20.0 if cloud.colors is None else 7.0
+    local = 2.0 * np.maximum(near.distance[:, 6], 1e-3)
+    cost = (np.degrees(np.arccos(cosine)) / angle) ** 2 + (near.distance[:, 1:13] / local[:, None]).ravel() ** 2
+    if cloud.colors is None:
+        cost += ((near.shape[start, 5] - near.shape[end, 5]) / 0.03) ** 2
+    else:
+        lab = smoothed(channels[0], near.nearest)
+        cost += (np.linalg.norm(lab[start] - lab[end], axis=1) / 10.0) ** 2
+    if cloud.intensity is not None:
+        cost += ((cloud.intensity[start] - cloud.intensity[end]) / 0.1) ** 2
+    shape = (len(cloud), len(cloud))
+    directed = scipy.sparse.coo_array((np.exp(-cost) + 1e-4, (start, end)), shape=shape).tocsr()
+    return directed.maximum(directed.T).tocsr()
+
+
+def walked(weights: scipy.sparse.csr_array, clicked: np.ndarray, classes: np.ndarray) -> np.ndarray:
+    """What the plain random walker says, by conjugate gradients at every point."""
+    free = np.setdiff1d(np.arange(weights.shape[0]), clicked)
+    degree = np.asarray(weights.sum(axis=1)).ravel()
+    matrix = (scipy.sparse.diags_array(degree[free] + 1e-9) - weights[free][:, free]).tocsr()
+    present, own = np.unique(classes, return_inverse=True)
+    given = np.eye(len(present))[own]
+    shares, pull = np.zeros((len(degree), len(present))), weights[free][:, clicked] @ given
+    shares[clicked] = given
+    scale = scipy.sparse.diags_array(1.0 / matrix.diagonal())
+    for column in range(len(present)):
+        shares[free, column] = scipy.sparse.linalg.cg(matrix, pull[:, column], rtol=1e-3, maxiter=400, M=scale)[0]
+    return np.asarray(present[shares.argmax(axis=1)])
+
+
+def rows_of(scan: Scan, seeds: list[int], walker: bool) -> Iterator[tuple[str, list[float]]]:
+    """Budget and nearest, place and colour, walker, ours, estimate, low, high, seconds, seconds of the preparation."""
+    began = time.perf_counter()
+    scene = prepare_cloud(scan.cloud)
+    prepared = time.perf_counter() - began
+    weights = plain_walker(scan.cloud) if walker else None
+    for seed in seeds:
+        for budget in BUDGETS:
+            clicked = draw_clicks(scan.semantic, budget, np.random.default_rng(seed))
+            score = propagation_scores(scene, scan.semantic, clicked)
+            floor = np.nan
+            if weights is not None:
+                said = walked(weights, clicked, scan.semantic[clicked])
+                floor = unlabelled_miou(said, scan.semantic, clicked)
+            estimate = score.result.estimate
+            told = [np.nan] * 3 if estimate is None else [estimate.miou, estimate.low, estimate.high]
+            row = [score.nearest, score.place_and_colour, floor, score.propagated, *told, score.seconds, prepared]
+            line = ' '.join(f'{value:6.1f}' for value in row)
+            text = f'{scan.name:16s} seed {seed} {budget:14s} {line}  {score.result.choice.candidate}'
+            print(text, file=sys.stderr, flush=True)
+            yield f'{budget}, seed {seed}', row
+
+
+def summary(rows: list[list[float]]) -> dict[str, float | None]:
+    """Means over scans, the worst difference to the better trivial answer and to the walker, and the estimates.
+
+    Args:
+        rows: Of :func:`rows_of`, one a scan.
+
+    Returns:
+        Name -> mIoU in percent, seconds or number; None where there is nothing to average.
+    """
+    table = np.array(rows)
+    near, coloured, walker, ours = table[:, :4].T
+    known = np.isfinite(table[:, 4])
+    told, low, high = table[known, 4:7].T
+    inside = (low <= ours[known]) & (ours[known] <= high)
+    numbers = {
+        'scans': len(table),
+        'nearest_miou': _mean(near),
+        'place_and_colour_miou': _mean(coloured),
+        'walker_miou': _mean(walker),
+        'ours_miou': _mean(ours),
+        'worst_against_trivial': _least(ours - np.fmax(near, coloured)),
+        'worst_against_walker': _least(ours - walker),
+        'intervals': int(known.sum()),
+        'intervals_that_hold_percent': 100 * _mean(inside),
+        'interval_width': _mean(high - low),
+        'estimate_error': _mean(np.abs(told - ours[known])),
+        'seconds': _mean(table[:, 7]),
+        'seconds_prepare': _mean(table[:, 8]),
+    }
+    return {name: None if np.isnan(value) else round(value, 1) for name, value in numbers.items()}
+
+
+def _mean(values: np.ndarray) -> float:
+    there = values[np.isfinite(values)]
+    return float(there.mean()) if len(there) else float('nan')
+
+
+def _least(values: np.ndarray) -> float:
+    there = values[np.isfinite(values)]
+    return float(there.min()) if len(there) else float('nan')
+
+
+def scans_of(source: Path) -> Iterator[Scan]:
+    """The scan of a file, or all of a folder.
+
+    Raises:
+        DatasetNotFoundError: There is no scan.
+    """
+    if source.is_file():
+        yield stored(source)
+        return
+    scans = chain(oakland(source), semantickitti(source))
+    first = next(scans, None)
+    if first is None:
+        raise DatasetNotFoundError(f'{source}: expected oakland/*.xyz_label_conf or semantickitti/sequences inside')
+    yield from chain([first], scans)

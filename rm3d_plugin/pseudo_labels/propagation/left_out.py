@@ -1,0 +1,96 @@
+"""What each candidate says of labels that it was not told."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
+from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
+from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
+from rm3d_plugin.pseudo_labels.propagation.prior_shift import label_trust
+from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, Candidate, WalkerRules
+from rm3d_plugin.pseudo_labels.propagation.solve import CoarseScene, coarse_scene, solve
+
+
+class LeftOut(NamedTuple):
+    """Answers at labels that were left out.
+
+    Attributes:
+        rows: Which of the labels could be left out.
+        shares: Candidate -> (L, C) what it says of these; trivial answers are sure.
+    """
+
+    rows: Int[np.ndarray, ' left']
+    shares: dict[Candidate, Float[np.ndarray, 'left classes']]
+
+
+def leave_labels_out(
+    scene: PreparedCloud,
+    labelled: Int[np.ndarray, ' labelled'],
+    classes: Int[np.ndarray, ' labelled'],
+    count: int,
+    candidates: Sequence[Candidate],
+    rules: WalkerRules,
+) -> LeftOut | None:
+    """Leave the labels out part by part, and ask every candidate about them.
+
+    Args:
+        scene: The scan.
+        labelled: Points with a label.
+        classes: Of each, from 0 to ``count`` - 1, each of them there.
+        count: Number of classes.
+        candidates: That are asked.
+        rules: How many parts, and on how coarse a graph.
+
+    Returns:
+        None where too few labels can be left out (:attr:`WalkerRules.least_left_out`).
+    """
+    xyz = scene.cloud.xyz[labelled].astype(np.float64)
+    generator = np.random.default_rng(rules.seed)
+    part = label_folds(xyz, classes, scene.spacing, max(rules.folds, 2), generator)
+    rows = np.flatnonzero(part >= 0)
+    if rules.folds < 2 or len(rows) < rules.least_left_out:
+        return None
+    coarse = coarse_scene(scene, labelled, rules.left_out_nodes)
+    shares: dict[Candidate, np.ndarray] = {name: np.zeros((len(labelled), count)) for name in candidates}
+    for number in np.unique(part[rows]):
+        asked = part == number
+        for name in candidates:
+            shares[name][asked] = _asked(name, scene, coarse, labelled, classes, asked, count, rules)
+    return LeftOut(rows, {name: each[rows] for name, each in shares.items()})
+
+
+def _asked(
+    name: Candidate,
+    scene: PreparedCloud,
+    coarse: CoarseScene,
+    labelled: Int[np.ndarray, ' labelled'],
+    classes: Int[np.ndarray, ' labelled'],
+    asked: Bool[np.ndarray, ' labelled'],
+    count: int,
+    rules: WalkerRules,
+) -> Float[np.ndarray, 'asked classes']:
+    told, told_classes = labelled[~asked], classes[~asked]
+    if name in ('nearest', 'nearest in place and colour'):
+        few = scene.cloud.select(np.concatenate([told, labelled[asked]]))
+        known = np.arange(len(told))
+        said = (
+            nearest_label(few.xyz, known, told_classes)
+            if name == 'nearest'
+            else nearest_label_in_place_and_colour(few, known, told_classes)
+        )
+        return np.asarray(np.eye(count)[said[len(told) :]])
+    nodes = coarse.coarse.node
+    solution = solve(coarse, nodes[told], told_classes, count, strength_of(name, told_classes, rules), rules)
+    return solution.shares[nodes[labelled[asked]]]
+
+
+def strength_of(name: Candidate, classes: Int[np.ndarray, ' labelled'], rules: WalkerRules) -> float:
+    """Of the feature prior, by candidate and by how many labels of each class teach it."""
+    if name != DEFAULT:
+        return 0.0 if name == 'walker' else rules.features_only_strength
+    counts = np.bincount(classes)
+    trust = label_trust(counts[counts > 0], rules.prior_half)
+    return rules.features_strength + trust * (rules.taught_strength - rules.features_strength)
