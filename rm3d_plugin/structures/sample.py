@@ -10,7 +10,7 @@ class SceneSample(BaseDataElement):
 
     Input fields (absent where unknown):
         point_index: (n,) int64, the scene's number of each input point.
-        gt_bboxes_3d: (M, 7) float32 as :class:`Boxes3D`, gt_labels_3d: (M,) int64, gt_is_true: (M,) bool.
+        gt_bboxes_3d: (M, 7) float32 as :class:`Boxes3D`, gt_labels_3d: (M,) int64, gt_is_annotated: (M,) bool.
         pts_semantic_mask: (n,) int64, -1 = unlabelled; pts_instance_mask: (n,) int64, row of gt_bboxes_3d or -1.
         pts_is_annotated: (n,) bool, True where the class was annotated by the budget.
         pts_region: (n,) int64, region of each point, -1 = none.

@@ -48,7 +48,7 @@ def _child_seconds() -> tuple[float, float]:
         (['sigma=2', 'descripter.radius=1'], ['--cfg-options descripter.radius', 'no such key']),
         (['test_dataloader.batch_size=2'], ['test_dataloader.batch_size', 'reference']),
         (['rounds=0'], ['rounds: expected a whole number from 1, got 0']),
-        (['budget=${nothing}'], ["'${nothing}' names no key"]),
+        (['budget=${nothing}'], ["budget: Interpolation key 'nothing' not found"]),
     ],
 )
 def test_bad_options(call, options, words):

@@ -91,7 +91,7 @@ def test_the_scoring_command_prints_what_training_found_last(call, trained, tmp_
     for key, value in record['final'].items():
         match = re.fullmatch(r'Cyclist_3d_moderate_(R\d+)@(.*)', key)
         if match:
-            (line,) = [x for x in output.splitlines() if re.match(rf'Cyclist +3d {match[1]} @ {match[2]} ', x)][-1:]
+            (line,) = [x for x in output.splitlines() if re.match(rf'Cyclist +3d AP {match[1]} @ {match[2]} ', x)][-1:]
             assert float(line.split()[-2]) == pytest.approx(value, abs=0.005)
 
 

@@ -28,10 +28,8 @@ def values_of(path):
 def files_of(path):
     """A file and all that it reads through ``_base_``."""
     bases = values_of(path).get('_base_', [])
-    return [
-        path,
-        *(file for base in ([bases] if isinstance(bases, str) else bases) for file in files_of(path.parent / base)),
-    ]
+    bases = [bases] if isinstance(bases, str) else bases
+    return [path, *(file for base in bases for file in files_of((path.parent / base).resolve()))]
 
 
 @pytest.mark.parametrize('path', LEAVES, ids=lambda path: path.stem)

@@ -48,6 +48,10 @@ def same(a, b):
         assert a.keys() == b.keys()
         for key in a:
             same(a[key], b[key])
+    elif isinstance(a, list):
+        assert len(a) == len(b)
+        for one, other in zip(a, b, strict=True):
+            same(one, other)
     elif isinstance(a, torch.Tensor):
         assert a.dtype == b.dtype
         assert torch.equal(a, b)

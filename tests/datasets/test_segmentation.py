@@ -48,7 +48,7 @@ def test_points_that_were_thinned_away_have_the_class_of_their_voxel():
     assert rows < len(whole.semantic)
     seen = point_truth(sample.to_dict(), rows, 'test')
     np.testing.assert_array_equal(seen.semantic, whole.semantic)
-    given = seen.spread(sample.pts_semantic_mask.numpy(), -1)
+    given = seen.scatter(sample.pts_semantic_mask.numpy(), -1)
     kept = ToyRooms(1, split='val', voxel_downsample=0.1)
     np.testing.assert_array_equal(given, kept.load_truth(0).semantic[kept.original_index(0)])
 

@@ -434,7 +434,7 @@ def test_pack_names_types_and_values():
         'point_index': (torch.int64, (6,)),
         'gt_bboxes_3d': (torch.float32, (1, 7)),
         'gt_labels_3d': (torch.int64, (1,)),
-        'gt_is_true': (torch.bool, (1,)),
+        'gt_is_annotated': (torch.bool, (1,)),
         'pts_semantic_mask': (torch.int64, (6,)),
         'pts_instance_mask': (torch.int64, (6,)),
         'pts_is_annotated': (torch.bool, (6,)),

@@ -182,7 +182,7 @@ def test_all_labels_in_one_region(tmp_path):
     source = InOnePlace()
     made = two_rounds(tmp_path, source)
     first, second = made.store.read('room', 0), made.store.read('room', 1)
-    regions = made.prepared('room').regions.labels
+    regions = made.scenes.get('room').regions.labels
     assert set(first.semantic) == {-1, 0}  # nothing else is known
     assert set(regions[first.semantic == 0]) == set(regions[source.points])
     truth = source.scene.semantic

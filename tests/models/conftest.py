@@ -67,7 +67,7 @@ def make_scene(seed, classes=(0, 1, 2, 0), floor=300, view=False):
     sample = SceneSample(metainfo={'scene_id': f'made_{seed}', 'num_points': len(cloud)})
     sample.gt_bboxes_3d = torch.tensor(np.array(boxes).reshape(-1, 7), dtype=torch.float32)
     sample.gt_labels_3d = torch.tensor(list(classes), dtype=torch.int64)
-    sample.gt_is_true = torch.ones(len(classes), dtype=torch.bool)
+    sample.gt_is_annotated = torch.ones(len(classes), dtype=torch.bool)
     sample.pts_semantic_mask = torch.tensor(semantic)
     sample.pts_instance_mask = torch.tensor(instance)
     inputs = {'points': cloud}

@@ -83,7 +83,7 @@ def test_planted_strips_are_found():
     """Angles under 20 degrees keep four strips apart, larger ones make a single region."""
     cloud, nothing, truth = stripes()
     annotated = np.full(len(truth), -1)
-    weak[::97] = truth[::97]
+    annotated[::97] = truth[::97]
     tuning = tune_region_growing([cloud], [nothing], [annotated], target_regions=4)
     assert tuning.score == Score(4, 0, (annotated >= 0).sum())
     assert 3 < tuning.options['theta'] < 20
@@ -106,7 +106,7 @@ def test_zeta_is_chosen_by_the_labels():
     )
     nothing = Descriptors(np.zeros((len(grid), 1), np.float32), np.zeros(len(grid), bool))
     annotated = np.full(len(grid), -1)
-    weak[::50] = (grid[::50, 1] >= 30) * 1
+    annotated[::50] = (grid[::50, 1] >= 30) * 1
     tuning = tune_region_growing([cloud], [nothing], [annotated], 2, zetas=(0.1, 0.01), steps=2)
     assert tuning.options['zeta'] == 0.01 and tuning.score.conflicts <= 1
     assert tuning.trials[0].score.regions == 1 and tuning.trials[0].score.conflicts > 5
@@ -118,7 +118,7 @@ def test_the_same_input_gives_the_same_result_and_labels_matter_not_by_name():
     described = SuperpointGraph(k=20).compute(cloud)
     annotated = np.full(len(truth), -1)
     rows = np.random.default_rng(0).choice(len(truth), 60, replace=False)
-    weak[rows] = truth[rows]
+    annotated[rows] = truth[rows]
     found = [tune_region_growing([cloud], [described], [annotated], 40, zetas=(0.01, 0.02), steps=4) for _ in range(2)]
     renamed = tune_region_growing(
         [cloud], [described], [np.where(annotated >= 0, 50 - annotated, -1)], 40, None, (0.01, 0.02), steps=4

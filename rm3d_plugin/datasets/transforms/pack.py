@@ -13,7 +13,7 @@ _FIELDS = {
     'point_index': ('point_index', np.int64),
     'boxes': ('gt_bboxes_3d', np.float32),
     'box_labels': ('gt_labels_3d', np.int64),
-    'box_is_annotated': ('gt_is_true', np.bool_),
+    'box_is_annotated': ('gt_is_annotated', np.bool_),
     'semantic': ('pts_semantic_mask', np.int64),
     'instance': ('pts_instance_mask', np.int64),
     'is_annotated': ('pts_is_annotated', np.bool_),

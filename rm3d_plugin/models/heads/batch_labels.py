@@ -65,7 +65,7 @@ def _field(sample: SceneSample, name: str, rows: int, fill: int, like: Tensor) -
 def join_labels(samples: Sequence[Any], batch_offsets: Int[Tensor, ' scenes_and_one']) -> BatchLabels:
     """Join the labels of the samples of a batch.
 
-    Points without a mask are unknown; boxes without ``gt_is_true`` are true.
+    Points without a mask are unknown; boxes without ``gt_is_annotated`` are true.
 
     Raises:
         SceneError: A field has another number of rows than the scene has points or boxes.
@@ -86,7 +86,7 @@ def join_labels(samples: Sequence[Any], batch_offsets: Int[Tensor, ' scenes_and_
                 f'{sample.get("scene_id")}: pts_instance_mask names box {int(instance.max())} of {len(boxes)}'
             )
         instance = torch.where(instance >= 0, instance + first, -1)
-        parts.append((boxes, classes, _field(sample, 'gt_is_true', len(boxes), 1, flag), semantic, instance))
+        parts.append((boxes, classes, _field(sample, 'gt_is_annotated', len(boxes), 1, flag), semantic, instance))
         first += len(boxes)
     boxes, classes, box_is_annotated, semantic, instance = (torch.cat(column) for column in zip(*parts, strict=True))
     counts = torch.tensor([0] + [len(part[0]) for part in parts], device=device)

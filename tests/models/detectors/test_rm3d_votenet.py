@@ -95,7 +95,7 @@ def test_axis_aligned(world):
 def nothing_known(item):
     sample = item['data_samples']
     sample.gt_bboxes_3d, sample.gt_labels_3d = torch.zeros(0, 7), torch.zeros(0, dtype=torch.int64)
-    sample.gt_is_true = torch.zeros(0, dtype=torch.bool)
+    sample.gt_is_annotated = torch.zeros(0, dtype=torch.bool)
     sample.pts_semantic_mask.fill_(-1)
     sample.pts_instance_mask.fill_(-1)
     return item

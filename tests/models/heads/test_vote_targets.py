@@ -84,7 +84,7 @@ def test_join_labels_shifts_instances_and_fills_what_is_absent():
     second = SceneSample(
         gt_bboxes_3d=torch.ones(1, 7),
         gt_labels_3d=torch.tensor([1]),
-        gt_is_true=torch.tensor([False]),
+        gt_is_annotated=torch.tensor([False]),
         pts_semantic_mask=torch.tensor([1, -1]),
         pts_instance_mask=torch.tensor([0, -1]),
     )
