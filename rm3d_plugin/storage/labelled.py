@@ -57,7 +57,7 @@ def _word(name: str) -> str:
 
 
 def _ply_numbers(values: np.ndarray) -> np.ndarray:
-    """The column in a type that PLY knows; 64-bit whole numbers become 32-bit ones, or double where they are large."""
+    """The column in a type that PLY knows; 64-bit integers become 32-bit ones, or double where they are large."""
     if values.dtype.str[1:] in NAMES:
         return values
     if values.dtype.kind == 'f':

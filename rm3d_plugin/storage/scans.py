@@ -77,6 +77,8 @@ def read_scan(
         SceneError: The file is missing, empty, damaged or of another kind; the message names it.
     """
     path = Path(path)
+    if color_range not in COLOR_RANGES:
+        raise ValueError(f'color_range: expected one of {COLOR_RANGES}, got {color_range!r}')
     names = columns if isinstance(columns, str) else None
     if names is not None:
         split_names(names)
@@ -103,8 +105,6 @@ def scan_of_columns(
     Raises:
         SceneError: A column cannot be used.
     """
-    if color_range not in COLOR_RANGES:
-        raise ValueError(f'color_range: expected one of {COLOR_RANGES}, got {color_range!r}')
     parts = find_roles(columns, given, path)
     xyz = np.stack([parts[name] for name in 'xyz'], axis=1)
     if len(xyz) == 0:

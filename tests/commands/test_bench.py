@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,3 +70,15 @@ def test_a_large_scene_is_learnt_in_crops(tmp_path):
     first, second = result['labels']
     assert 0.3 < first['coverage'] <= second['coverage'] and second['precision'] > 0.9
     assert set(result['scores']) >= {'mIoU', 'IoU_ground', 'IoU_wall', 'IoU_roof'}
+
+
+def test_clicks_on_a_scan(tmp_path):
+    rng = np.random.default_rng(0)
+    xyz = rng.uniform(0, 2, (800, 3))
+    xyz[:, 2] = np.repeat([0.0, 1.0], 400)
+    np.savez(tmp_path / 'sheets.npz', xyz=xyz, semantic=np.repeat([0, 1], 400))
+    result = bench(tmp_path, 'propagate-clicks', str(tmp_path / 'sheets.npz'), '--seeds', '3', '--no-walker')
+    assert list(result)[:-1] == [f'{budget}, seed 3' for budget in ('one a class', 'twenty a scan', 'twenty a class')]
+    many = result['twenty a class, seed 3']
+    assert many['scans'] == 1 and many['walker_miou'] is None and many['intervals'] == 1
+    assert many['ours_miou'] > 97 and many['seconds_prepare'] >= 0
