@@ -38,10 +38,10 @@ SIZES = {
 # Added to SIZES: a run that learns three streets by heart in a few seconds.
 LEARNT = {
     'rounds': 1,
-    'sigma': 12,
+    'sigma': 30,
     'budget': 'full',
     'param_scheduler': '${step_schedule}',
-    'milestones': [10],
+    'milestones': [26],
     'learning_rate': 0.01,
     'paste_objects': 1,
 }
