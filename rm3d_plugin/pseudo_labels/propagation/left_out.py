@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import label_trust
@@ -27,38 +28,31 @@ class LeftOut(NamedTuple):
 
 
 def leave_labels_out(
-    scene: PreparedCloud,
-    labelled: Int[np.ndarray, ' labelled'],
-    classes: Int[np.ndarray, ' labelled'],
-    count: int,
-    candidates: Sequence[Candidate],
-    rules: WalkerRules,
+    scene: PreparedCloud, labels: Labels, candidates: Sequence[Candidate], rules: WalkerRules
 ) -> LeftOut | None:
     """Leave the labels out part by part, and ask every candidate about them.
 
     Args:
         scene: The scan.
-        labelled: Points with a label.
-        classes: Of each, from 0 to ``count`` - 1, each of them there.
-        count: Number of classes.
+        labels: Of its points.
         candidates: That are asked.
         rules: How many parts, and on how coarse a graph.
 
     Returns:
         None where too few labels can be left out (:attr:`WalkerRules.least_left_out`).
     """
-    xyz = scene.cloud.xyz[labelled].astype(np.float64)
+    xyz = scene.cloud.xyz[labels.nodes].astype(np.float64)
     generator = np.random.default_rng(rules.seed)
-    part = label_folds(xyz, classes, scene.spacing, max(rules.folds, 2), generator)
+    part = label_folds(xyz, labels.classes, scene.spacing, max(rules.folds, 2), generator)
     rows = np.flatnonzero(part >= 0)
     if rules.folds < 2 or len(rows) < rules.least_left_out:
         return None
-    coarse = coarse_scene(scene, labelled, rules.left_out_nodes)
-    shares: dict[Candidate, np.ndarray] = {name: np.zeros((len(labelled), count)) for name in candidates}
+    coarse = coarse_scene(scene, labels.nodes, rules.left_out_nodes)
+    shares: dict[Candidate, np.ndarray] = {name: np.zeros((len(part), labels.count)) for name in candidates}
     for number in np.unique(part[rows]):
         asked = part == number
         for name in candidates:
-            shares[name][asked] = _asked(name, scene, coarse, labelled, classes, asked, count, rules)
+            shares[name][asked] = _asked(name, scene, coarse, labels, asked, rules)
     return LeftOut(rows, {name: each[rows] for name, each in shares.items()})
 
 
@@ -66,25 +60,22 @@ def _asked(
     name: Candidate,
     scene: PreparedCloud,
     coarse: CoarseScene,
-    labelled: Int[np.ndarray, ' labelled'],
-    classes: Int[np.ndarray, ' labelled'],
+    labels: Labels,
     asked: Bool[np.ndarray, ' labelled'],
-    count: int,
     rules: WalkerRules,
 ) -> Float[np.ndarray, 'asked classes']:
-    told, told_classes = labelled[~asked], classes[~asked]
+    told, points = labels.select(~asked), labels.nodes[asked]
     if name in ('nearest', 'nearest in place and colour'):
-        few = scene.cloud.select(np.concatenate([told, labelled[asked]]))
-        known = np.arange(len(told))
+        few = scene.cloud.select(np.concatenate([told.nodes, points]))
+        known = np.arange(len(told.nodes))
         said = (
-            nearest_label(few.xyz, known, told_classes)
+            nearest_label(few.xyz, known, told.classes)
             if name == 'nearest'
-            else nearest_label_in_place_and_colour(few, known, told_classes)
+            else nearest_label_in_place_and_colour(few, known, told.classes)
         )
-        return np.asarray(np.eye(count)[said[len(told) :]])
+        return np.asarray(np.eye(labels.count)[said[len(known) :]])
     nodes = coarse.coarse.node
-    solution = solve(coarse, nodes[told], told_classes, count, strength_of(name, told_classes, rules), rules)
-    return solution.shares[nodes[labelled[asked]]]
+    return solve(coarse, told.at(nodes), strength_of(name, told.classes, rules), rules).shares[nodes[points]]
 
 
 def strength_of(name: Candidate, classes: Int[np.ndarray, ' labelled'], rules: WalkerRules) -> float:

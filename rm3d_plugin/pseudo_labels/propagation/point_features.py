@@ -8,11 +8,11 @@ from scipy.ndimage import minimum_filter
 
 from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.ops.segment import segment_mean
-from rm3d_plugin.pseudo_labels.propagation.neighborhoods import Neighborhoods, neighborhoods
+from rm3d_plugin.pseudo_labels.propagation.neighborhoods import SHAPE_COLUMNS, Neighborhoods, neighborhoods
 
 LEVELS = 5  # voxels of 2, 4, 8, 16 and 32 spacings (a pyramid as of Hackel, Wegner and Schindler 2016)
 AROUND = 26  # voxels around one: those that touch it where all are occupied
-LEAST_VOXELS = 32  # a level with fewer tells nothing apart
+LEAST_VOXELS = 32  # a level with fewer tells nothing apart: the level below stands there
 COLUMNS_OF = (16.0, 64.0, 256.0)  # spacings, edges of the columns in which heights are taken
 FLOOR_PERCENT = 1.0  # of the points lie below the floor: stray ones
 MOST_CELLS = 1 << 22  # of a grid of columns; wider clouds get wider columns
@@ -41,16 +41,23 @@ def point_features(
     """
     points = np.asarray(xyz, dtype=np.float64)
     if not len(points):
-        return np.zeros((0, near.shape.shape[1]), dtype=np.float32)
+        wide = sum(channel.shape[1] for channel in channels)
+        width = SHAPE_COLUMNS + wide + LEVELS * _level_width(wide) + len(COLUMNS_OF) + 1
+        return np.zeros((0, width), dtype=np.float32)
     extra = np.concatenate([np.zeros((len(points), 0)), *channels], axis=1)
     columns = [near.shape, extra]
+    below = np.zeros((len(points), _level_width(extra.shape[1])))
     for level in range(1, LEVELS + 1):
         downsampled = _level(points, near.spacing * 2.0**level)
-        if len(downsampled.middle) < LEAST_VOXELS:
-            break
-        columns.append(_level_features(points, downsampled, extra))
+        told = len(downsampled.middle) >= LEAST_VOXELS
+        columns.append(_level_features(points, downsampled, extra) if told else below)
+        below = columns[-1]
     columns.append(_heights(points, near.spacing))
     return np.concatenate([column.astype(np.float32) for column in columns], axis=1)
+
+
+def _level_width(channels: int) -> int:
+    return SHAPE_COLUMNS + 2 + 2 * channels
 
 
 def _level(points: Float[np.ndarray, 'points 3'], size: float) -> _Level:

@@ -46,5 +46,7 @@ def label_trust(counts: Int[np.ndarray, ' classes'], half: float) -> float:
     >>> round(label_trust(np.array([20, 20]), 3.0), 2)
     0.9
     """
+    if not len(counts):
+        return 0.0
     mean = float(1.0 / np.mean(1.0 / counts))
     return (mean - 1.0) / (mean + half - 2.0)

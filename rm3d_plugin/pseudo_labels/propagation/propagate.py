@@ -11,14 +11,17 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
+from rm3d_plugin.pseudo_labels.propagation.beside import Beside
 from rm3d_plugin.pseudo_labels.propagation.choose import Choice, choose
 from rm3d_plugin.pseudo_labels.propagation.estimate import Estimate, calibrated, estimate_miou
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import LeftOut, leave_labels_out, strength_of
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
+from rm3d_plugin.pseudo_labels.propagation.network import SILENT, NetworkSay, judge_network, network_pull
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.relax import relax
 from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, Candidate, WalkerRules
-from rm3d_plugin.pseudo_labels.propagation.solve import coarse_scene, solve
+from rm3d_plugin.pseudo_labels.propagation.solve import Pull, coarse_scene, solve
 from rm3d_plugin.structures import UNLABELLED, PointCloud
 
 
@@ -33,6 +36,7 @@ class Propagation(NamedTuple):
         choice: Which candidate was taken, and how each did on labels that were left out.
         estimate: Of the mean IoU on the points without a label, or None where too few labels can be left out.
         remark: A line for the log: what was taken and why.
+        network_weight: Pull of the network that was given, as a share of the usual sum of a point's edges; 0: no say.
     """
 
     semantic: Int[np.ndarray, ' points']
@@ -41,6 +45,7 @@ class Propagation(NamedTuple):
     choice: Choice
     estimate: Estimate | None
     remark: str
+    network_weight: float = 0.0
 
 
 def propagate(
@@ -71,21 +76,54 @@ def propagate_prepared(
     annotated: Int[np.ndarray, ' points'],
     num_classes: int,
     rules: WalkerRules | None = None,
+    beside: Beside | None = None,
 ) -> Propagation:
-    """:func:`propagate` on a scan whose graph and features are there already: when labels are added one by one."""
+    """:func:`propagate` on a scan whose graph and features are there already, with what is known beside its labels.
+
+    Args:
+        scene: The scan.
+        annotated: Class of each point, -1 = unknown.
+        num_classes: Number of classes.
+        rules: None: the defaults.
+        beside: None: nothing.
+
+    Raises:
+        ValueError: ``annotated`` or ``beside`` does not fit the scan.
+    """
     _check(len(scene.cloud), annotated, num_classes)
-    rules = rules or WalkerRules()
-    labelled = np.flatnonzero(annotated >= 0)
-    if not len(labelled):
+    rules, beside = rules or WalkerRules(), beside or Beside()
+    beside.check(scene, num_classes)
+    present, labels = _labels(scene, annotated, num_classes, beside)
+    if not len(labels.nodes) and not len(labels.others):
         return _nothing(len(annotated), num_classes)
-    present, classes = np.unique(annotated[labelled], return_inverse=True)
-    left = leave_labels_out(scene, labelled, classes, len(present), _candidates(scene.cloud, len(present)), rules)
-    choice = Choice(DEFAULT, {}) if left is None else choose(left.shares, classes[left.rows], rules.errors_apart)
-    shares = _answer(scene, labelled, classes, len(present), choice.candidate, rules)
-    estimate = None if left is None else _estimate(shares, annotated < 0, left, classes, choice.candidate, rules)
+    candidates = _candidates(scene.cloud, labels)
+    left = leave_labels_out(scene, labels, candidates, rules)
+    choice = Choice(DEFAULT, {}) if left is None else choose(left.shares, labels.classes[left.rows], rules.errors_apart)
+    network = None if beside.network is None else beside.network[:, present]
+    say = SILENT
+    if network is not None and beside.unseen is not None:
+        say = judge_network(scene, labels, network, beside.unseen, rules)
+    shares = _answer(scene, labels, choice.candidate if not say.weight else DEFAULT, rules, network, say)
+    estimate = None if left is None else _estimate(shares, annotated < 0, left, labels, choice.candidate, rules)
     if estimate is not None:
         shares = calibrated(shares, estimate.sharpness)
-    return _named(shares, annotated, present, num_classes, choice, estimate)
+    return _named(shares, annotated, present, num_classes, choice, estimate, say)
+
+
+def _labels(
+    scene: PreparedCloud, annotated: Int[np.ndarray, ' points'], num_classes: int, beside: Beside
+) -> tuple[Int[np.ndarray, ' present'], Labels]:
+    """Classes that are labelled or possible, and the labels in terms of these."""
+    nodes, there = np.flatnonzero(annotated >= 0), np.zeros(num_classes, dtype=np.bool_)
+    there[annotated[nodes]] = True
+    if beside.possible is not None:
+        there |= beside.possible
+    others = scene.features[:0] if beside.features is None else beside.features
+    other_classes = np.zeros(0, np.int64) if beside.classes is None else beside.classes
+    kept = there[other_classes]
+    number = np.cumsum(there) - 1
+    labels = Labels(nodes, number[annotated[nodes]], int(there.sum()), others[kept], number[other_classes[kept]])
+    return np.flatnonzero(there), labels
 
 
 def _check(points: int, annotated: np.ndarray, num_classes: int) -> None:
@@ -101,38 +139,41 @@ def _nothing(points: int, num_classes: int) -> Propagation:
     return Propagation(semantic, zeros.sum(axis=1), zeros, Choice(DEFAULT, {}), None, 'no point is labelled')
 
 
-def _candidates(cloud: PointCloud, count: int) -> list[Candidate]:
+def _candidates(cloud: PointCloud, labels: Labels) -> list[Candidate]:
     """All that apply: one class needs no choice, and without colours two are the same."""
-    if count < 2:
+    if labels.count < 2 or not len(labels.nodes):
         return [DEFAULT]
     return [name for name in CANDIDATES if name != 'nearest in place and colour' or cloud.colors is not None]
 
 
 def _answer(
     scene: PreparedCloud,
-    labelled: Int[np.ndarray, ' labelled'],
-    classes: Int[np.ndarray, ' labelled'],
-    count: int,
+    labels: Labels,
     candidate: Candidate,
     rules: WalkerRules,
+    network: Float[np.ndarray, 'points present'] | None,
+    say: NetworkSay,
 ) -> Float[np.ndarray, 'points present']:
     """Shares of the classes that are there at every point; rows of sum 1, as given at labelled points."""
-    near = (
-        nearest_label_in_place_and_colour(scene.cloud, labelled, classes)
-        if candidate == 'nearest in place and colour'
-        else nearest_label(scene.cloud.xyz, labelled, classes)
-    )
-    shares = np.eye(count, dtype=np.float32)[near]
+    shares, given = np.full((len(scene.cloud), labels.count), 1.0 / labels.count, np.float32), np.eye(labels.count)
+    if len(labels.nodes):
+        near = (
+            nearest_label_in_place_and_colour(scene.cloud, labels.nodes, labels.classes)
+            if candidate == 'nearest in place and colour'
+            else nearest_label(scene.cloud.xyz, labels.nodes, labels.classes)
+        )
+        shares = given[near].astype(np.float32)
     if candidate.startswith('nearest'):
-        shares[labelled] = np.eye(count, dtype=np.float32)[classes]
+        shares[labels.nodes] = given[labels.classes]
         return shares
-    coarse = coarse_scene(scene, labelled, rules.nodes)
+    coarse = coarse_scene(scene, labels.nodes, rules.nodes)
     node = coarse.coarse.node
-    strength = strength_of(candidate, classes, rules)
-    solution = solve(coarse, node[labelled], classes, count, strength, rules)
+    pulled = None if network is None else network_pull(coarse, network, say)
+    solution = solve(coarse, labels.at(node), strength_of(candidate, labels.classes, rules), rules, pulled)
     fixed = np.zeros(len(node), dtype=np.bool_)
-    fixed[labelled] = True
-    walked = relax(scene.graph, solution.shares[node], solution.prior[node], solution.strength, fixed, rules.sweeps)
+    fixed[labels.nodes] = True
+    pull = Pull(solution.pull.strength[node], solution.pull.prior[node])
+    walked = relax(scene.graph, solution.shares[node], pull.prior, pull.strength, fixed, rules.sweeps)
     reached = walked.sum(axis=1) > 1e-6  # what no labelled point is joined to takes the nearest
     shares[reached] = normalised(walked[reached])
     return shares
@@ -142,12 +183,12 @@ def _estimate(
     shares: Float[np.ndarray, 'points present'],
     hidden: np.ndarray,
     left: LeftOut,
-    classes: Int[np.ndarray, ' labelled'],
+    labels: Labels,
     candidate: Candidate,
     rules: WalkerRules,
 ) -> Estimate | None:
     generator = np.random.default_rng(rules.seed + 1)
-    return estimate_miou(shares[hidden], left.shares[candidate], classes[left.rows], rules.draws, generator)
+    return estimate_miou(shares[hidden], left.shares[candidate], labels.classes[left.rows], rules.draws, generator)
 
 
 def _named(
@@ -157,6 +198,7 @@ def _named(
     num_classes: int,
     choice: Choice,
     estimate: Estimate | None,
+    say: NetworkSay,
 ) -> Propagation:
     probabilities = np.zeros((len(annotated), num_classes), dtype=np.float32)
     probabilities[:, present] = shares
@@ -164,11 +206,12 @@ def _named(
     probabilities[known] = np.eye(num_classes, dtype=np.float32)[annotated[known]]
     semantic = present[shares.argmax(axis=1)].astype(np.int64)
     semantic[known] = annotated[known]
-    remark = _remark(choice, estimate, int(known.sum()))
-    return Propagation(semantic, probabilities.max(axis=1), probabilities, choice, estimate, remark)
+    remark = _remark(choice, estimate, int(known.sum()), say)
+    return Propagation(semantic, probabilities.max(axis=1), probabilities, choice, estimate, remark, say.weight)
 
 
-def _remark(choice: Choice, estimate: Estimate | None, labels: int) -> str:
+def _remark(choice: Choice, estimate: Estimate | None, labels: int, say: NetworkSay) -> str:
+    heard = '' if not say.labels else f'; network: pull {say.weight:g}, by {say.labels} labels that it was not taught'
     if estimate is None:
-        return f'{choice.candidate} (the default): {labels} labels are too few to leave some out, no estimate'
-    return f'{choice.candidate}: {estimate.text()}, from {labels} labels'
+        return f'{choice.candidate} (the default): {labels} labels are too few to leave some out, no estimate{heard}'
+    return f'{choice.candidate}: {estimate.text()}, from {labels} labels{heard}'

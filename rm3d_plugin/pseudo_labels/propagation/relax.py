@@ -16,7 +16,7 @@ def relax(
     graph: PointGraph,
     shares: Float[np.ndarray, 'points classes'],
     prior: Float[np.ndarray, 'points classes'],
-    strength: float,
+    strength: Float[np.ndarray, ' points'],
     fixed: Bool[np.ndarray, ' points'],
     sweeps: int,
 ) -> Float[np.ndarray, 'points classes']:
@@ -26,7 +26,7 @@ def relax(
         graph: Of the points.
         shares: Start.
         prior: What is pulled to.
-        strength: Of the pull.
+        strength: Of the pull at each point.
         fixed: Points that keep their row.
         sweeps: Each lets a point see one neighbour farther.
     """
@@ -52,10 +52,10 @@ def _sweep(indptr, indices, data, degree, strength, prior, fixed, start, stop, o
         if fixed[row] or not degree[row] > 0.0:
             continue
         for column in range(count):
-            total[column] = strength * prior[row, column]
+            total[column] = strength[row] * prior[row, column]
         for at in range(indptr[row], indptr[row + 1]):
             other, weight = indices[at], data[at]
             for column in range(count):
                 total[column] += weight * old[other, column]
         for column in range(count):
-            new[row, column] = total[column] / (degree[row] + strength)
+            new[row, column] = total[column] / (degree[row] + strength[row])

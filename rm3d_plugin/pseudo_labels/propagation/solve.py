@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, normalised, scaling_of
 from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening, coarsen, node_means
 from rm3d_plugin.pseudo_labels.propagation.feature_prior import feature_prior
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.harmonic import HarmonicSystem
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import prior_shift
@@ -30,18 +31,34 @@ class CoarseScene(NamedTuple):
     usual_degree: float
 
 
+class Pull(NamedTuple):
+    """What nodes are drawn to beside their neighbours.
+
+    Attributes:
+        strength: (M,) at a point of each node, in the unit of the weights.
+        prior: (M, C) rows of sum 1.
+    """
+
+    strength: Float[np.ndarray, ' nodes']
+    prior: Float[np.ndarray, 'nodes classes']
+
+    def __add__(self, other: 'Pull') -> 'Pull':  # type: ignore[override]
+        """Both at once."""
+        strength = self.strength + other.strength
+        both = self.strength[:, None] * self.prior + other.strength[:, None] * other.prior
+        return Pull(strength, np.where(strength[:, None] > 0, normalised(both), self.prior))
+
+
 class Solution(NamedTuple):
     """An answer.
 
     Attributes:
         shares: (M, C) rows of sum 1; zeros where nothing is known.
-        prior: (M, C) what the features say, with frequencies.
-        strength: Pull of the prior at a point, in the unit of the weights.
+        pull: That was part of it.
     """
 
     shares: Float[np.ndarray, 'nodes classes']
-    prior: Float[np.ndarray, 'nodes classes']
-    strength: float
+    pull: Pull
 
 
 def coarse_scene(scene: PreparedCloud, labelled: Int[np.ndarray, ' labelled'], nodes: int) -> CoarseScene:
@@ -52,34 +69,30 @@ def coarse_scene(scene: PreparedCloud, labelled: Int[np.ndarray, ' labelled'], n
 
 
 def solve(
-    scene: CoarseScene,
-    labelled: Int[np.ndarray, ' labelled'],
-    classes: Int[np.ndarray, ' labelled'],
-    count: int,
-    strength: float,
-    rules: WalkerRules,
+    scene: CoarseScene, labels: Labels, strength: float, rules: WalkerRules, network: Pull | None = None
 ) -> Solution:
     """Random walker with features as its prior, and frequencies read off its own answer.
 
     Args:
         scene: Coarse.
-        labelled: Nodes with a label, at least one, each once.
-        classes: Of each, from 0 to ``count`` - 1, each of them there.
-        count: Number of classes.
+        labels: At least one.
         strength: Of the features, as a share of the usual degree of a point; 0: the random walker alone.
         rules: The rest.
+        network: A further pull, or None.
     """
-    sizes, pull = scene.coarse.sizes, strength * scene.usual_degree
-    system = HarmonicSystem(scene.coarse.weights, labelled, pull * sizes)
-    given = np.eye(count)[classes]
+    sizes, count = scene.coarse.sizes, labels.count
+    even = np.full((len(sizes), count), 1.0 / count)
+    own = Pull(np.full(len(sizes), strength * scene.usual_degree), even)
+    pull = own if network is None else own + network
+    system = HarmonicSystem(scene.coarse.weights, labels.nodes, pull.strength * sizes)
+    given = np.eye(count)[labels.classes]
     if not strength > 0:
-        even = np.full((len(sizes), count), 1.0 / count)
-        return Solution(normalised(np.maximum(system.shares(given, even), 0.0)), even, 0.0)
-    likely = feature_prior(scene.features, scene.scaling, labelled, classes, count, rules.examples)
-    counts, prior = np.bincount(classes, minlength=count), likely
-    shares = system.shares(given, prior)
-    for _ in range(rules.prior_rounds if counts.max(initial=0) > 1 else 0):
+        return Solution(normalised(np.maximum(system.shares(given, pull.prior), 0.0)), pull)
+    likely = feature_prior(scene.features, scene.scaling, labels, rules.examples)
+    counts, factors = np.bincount(labels.classes, minlength=count), np.ones(count)
+    for _ in range(1 + (rules.prior_rounds if counts.max(initial=0) > 1 else 0)):
+        now = own._replace(prior=normalised(likely * factors))
+        pull = now if network is None else now + network
+        shares = system.shares(given, pull.prior)
         factors = prior_shift(shares.argmax(axis=1), sizes, np.maximum(counts, 1), rules.prior_half)
-        prior = normalised(likely * factors)
-        shares = system.shares(given, prior)
-    return Solution(normalised(np.maximum(shares, 0.0)), prior, pull)
+    return Solution(normalised(np.maximum(shares, 0.0)), pull)

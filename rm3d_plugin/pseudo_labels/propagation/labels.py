@@ -1,0 +1,32 @@
+"""The labels that an answer starts from."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+
+class Labels(NamedTuple):
+    """What is given of the points of a scan, or of nodes that stand for them, and of other scans.
+
+    Attributes:
+        nodes: (L,) points or nodes with a label, each once.
+        classes: (L,) of each, from 0 to ``count`` - 1.
+        count: Number of classes; those without a label get what others say for them.
+        others: (E, F) features of labelled points of other scans.
+        other_classes: (E,) of these.
+    """
+
+    nodes: Int[np.ndarray, ' labelled']
+    classes: Int[np.ndarray, ' labelled']
+    count: int
+    others: Float[np.ndarray, 'examples features']
+    other_classes: Int[np.ndarray, ' examples']
+
+    def select(self, rows: Bool[np.ndarray, ' labelled']) -> 'Labels':
+        """Some of the labels, and all others."""
+        return self._replace(nodes=self.nodes[rows], classes=self.classes[rows])
+
+    def at(self, node: Int[np.ndarray, ' points']) -> 'Labels':
+        """The same at nodes that stand for the points."""
+        return self._replace(nodes=node[self.nodes])
