@@ -26,11 +26,11 @@ def feature_prior(
     own = evenly_chosen(labels.classes, examples)
     rows, classes = features[labels.nodes[own]], labels.classes[own]
     if len(labels.others):
-        lent = _lent(labels, np.bincount(classes, minlength=labels.count))
+        lent = _lent(labels, np.bincount(classes, minlength=labels.num_classes))
         rows = np.concatenate([rows, labels.others[lent]])
         classes = np.concatenate([classes, labels.other_classes[lent]])
     taught = fit_kernel_classifier(rows, classes, scaling, LENGTH)
-    return normalised(np.maximum(taught.shares(features, labels.count), LEAST))
+    return normalised(np.maximum(taught.shares(features, labels.num_classes), LEAST))
 
 
 def _lent(labels: Labels, counts: Int[np.ndarray, ' classes']) -> Int[np.ndarray, ' lent']:

@@ -11,15 +11,15 @@ class Labels(NamedTuple):
 
     Attributes:
         nodes: (L,) points or nodes with a label, each once.
-        classes: (L,) of each, from 0 to ``count`` - 1.
-        count: Number of classes; those without a label get what others say for them.
+        classes: (L,) of each, from 0 to ``num_classes`` - 1.
+        num_classes: How many; those without a label get what others say for them.
         others: (E, F) features of labelled points of other scans.
         other_classes: (E,) of these.
     """
 
     nodes: Int[np.ndarray, ' labelled']
     classes: Int[np.ndarray, ' labelled']
-    count: int
+    num_classes: int
     others: Float[np.ndarray, 'examples features']
     other_classes: Int[np.ndarray, ' examples']
 

@@ -48,7 +48,7 @@ def leave_labels_out(
     if rules.folds < 2 or len(rows) < rules.least_left_out:
         return None
     coarse = coarse_scene(scene, labels.nodes, rules.left_out_nodes)
-    shares: dict[Candidate, np.ndarray] = {name: np.zeros((len(part), labels.count)) for name in candidates}
+    shares: dict[Candidate, np.ndarray] = {name: np.zeros((len(part), labels.num_classes)) for name in candidates}
     for number in np.unique(part[rows]):
         asked = part == number
         for name in candidates:
@@ -73,7 +73,7 @@ def _asked(
             if name == 'nearest'
             else nearest_label_in_place_and_colour(few, known, told.classes)
         )
-        return np.asarray(np.eye(labels.count)[said[len(known) :]])
+        return np.asarray(np.eye(labels.num_classes)[said[len(known) :]])
     nodes = coarse.coarse.node
     return solve(coarse, told.at(nodes), strength_of(name, told.classes, rules), rules).shares[nodes[points]]
 

@@ -141,7 +141,7 @@ def _nothing(points: int, num_classes: int) -> Propagation:
 
 def _candidates(cloud: PointCloud, labels: Labels) -> list[Candidate]:
     """All that apply: one class needs no choice, and without colours two are the same."""
-    if labels.count < 2 or not len(labels.nodes):
+    if labels.num_classes < 2 or not len(labels.nodes):
         return [DEFAULT]
     return [name for name in CANDIDATES if name != 'nearest in place and colour' or cloud.colors is not None]
 
@@ -155,7 +155,10 @@ def _answer(
     say: NetworkSay,
 ) -> Float[np.ndarray, 'points present']:
     """Shares of the classes that are there at every point; rows of sum 1, as given at labelled points."""
-    shares, given = np.full((len(scene.cloud), labels.count), 1.0 / labels.count, np.float32), np.eye(labels.count)
+    shares, given = (
+        np.full((len(scene.cloud), labels.num_classes), 1.0 / labels.num_classes, np.float32),
+        np.eye(labels.num_classes),
+    )
     if len(labels.nodes):
         near = (
             nearest_label_in_place_and_colour(scene.cloud, labels.nodes, labels.classes)

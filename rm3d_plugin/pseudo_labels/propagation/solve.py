@@ -8,8 +8,8 @@ from jaxtyping import Float, Int
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, normalised, scaling_of
 from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening, coarsen, node_means
 from rm3d_plugin.pseudo_labels.propagation.feature_prior import feature_prior
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.harmonic import HarmonicSystem
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import prior_shift
 from rm3d_plugin.pseudo_labels.propagation.rules import WalkerRules
@@ -80,7 +80,7 @@ def solve(
         rules: The rest.
         network: A further pull, or None.
     """
-    sizes, count = scene.coarse.sizes, labels.count
+    sizes, count = scene.coarse.sizes, labels.num_classes
     even = np.full((len(sizes), count), 1.0 / count)
     own = Pull(np.full(len(sizes), strength * scene.usual_degree), even)
     pull = own if network is None else own + network
