@@ -165,6 +165,7 @@ losses = ['${point_loss}', '${aug_loss}', '${offset_loss}', '${dice_loss}']
 class_balance = 'batch'  # by the labels of a batch; 'frequency': by the annotated labels; 'none'
 class_power = 0.5  # weight of a class = labels of it ^ -0.5
 pseudo_weight = 1.0  # of a label that the budget did not show
+confidence_power = 0.0
 annotated_share = None  # of L_WSL that annotated labels have, however few; None: all labels alike
 offset_weight = 1.0  # of the offsets' loss; smaller: classes are learnt faster
 dice_weight = 1.0  # of the masks' loss
@@ -174,6 +175,7 @@ point_loss = dict(
     power='${class_power}',
     pseudo_weight='${pseudo_weight}',
     annotated_share='${annotated_share}',
+    confidence_power='${confidence_power}',
 )
 aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
 offset_loss = '${tasks.${task}.offset_loss}'
@@ -190,6 +192,7 @@ graph_neighbors = 8
 max_gap = 0.1  # m between adjacent regions
 propagate = True  # False: training sees the annotated points alone
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it
+walker = dict()
 merge = dict(rounds='${label_refreshes}', centre_distance=0.3)
 propagation = dict(max_color=0.45, max_extent=3.0, new_instances=False)
 region_prior = dict(gamma=0.6)  # of prior and network together
@@ -211,6 +214,7 @@ label_maker = dict(
     seed='${budget_seed}',
     strategy='${strategy}',
     merge='${merge}',
+    walker='${walker}',
     propagation='${propagation}',
     region_prior='${region_prior}',
     ground='${ground}',

@@ -194,7 +194,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         Returns:
             scene_id, index, num_points, points (n, 3 + channels) float32 (x, y, z, then intensity and colour where the
             scan has them) and point_index (n,); with labels also semantic (n,), instance (n,), is_annotated (n,),
-            boxes (M, 7), box_labels (M,) and box_is_annotated (M,).
+            confidence (n,), boxes (M, 7), box_labels (M,) and box_is_annotated (M,).
 
         Raises:
             SceneError: Scene or labels cannot be used, or they do not fit each other.
@@ -230,6 +230,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             'semantic': labels.semantic,
             'instance': labels.instance,
             'is_annotated': labels.point_is_annotated,
+            'confidence': labels.confidence,
             'boxes': labels.boxes.tensor,
             'box_labels': labels.boxes.labels,
             'box_is_annotated': labels.box_is_annotated,
@@ -273,6 +274,7 @@ def _truth_labels(truth: Truth, num_points: int) -> dict[str, np.ndarray]:
         'semantic': semantic,
         'instance': nothing if truth.instance is None else truth.instance,
         'is_annotated': semantic != UNLABELLED,
+        'confidence': (semantic != UNLABELLED).astype(np.float32),
         'boxes': truth.boxes.tensor,
         'box_labels': truth.boxes.labels,
         'box_is_annotated': np.ones(len(truth.boxes), dtype=bool),

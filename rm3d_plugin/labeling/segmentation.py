@@ -222,6 +222,10 @@ def point_label_maker(
             are not read.
         settings: Further arguments of :class:`SegmentationLabelMaker`.
     """
+    if propagate and settings.get('walker') is not None:
+        from rm3d_plugin.labeling.walker import WalkerLabelMaker
+        return WalkerLabelMaker(store, source, **settings.pop('walker'))
+    settings.pop('walker', None)
     if propagate:
         return SegmentationLabelMaker(store, source, **settings)
     return AnnotatedLabelMaker(store, source)

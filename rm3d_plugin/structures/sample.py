@@ -13,6 +13,7 @@ class SceneSample(BaseDataElement):
         gt_bboxes_3d: (M, 7) float32 as :class:`Boxes3D`, gt_labels_3d: (M,) int64, gt_is_annotated: (M,) bool.
         pts_semantic_mask: (n,) int64, -1 = unlabelled; pts_instance_mask: (n,) int64, row of gt_bboxes_3d or -1.
         pts_is_annotated: (n,) bool, True where the class was annotated by the budget.
+        pts_confidence: (n,) float32 in [0, 1], how likely the class is right; 1 for annotated points.
         pts_region: (n,) int64, region of each point, -1 = none.
 
     Output fields:

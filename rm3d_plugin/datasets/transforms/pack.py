@@ -17,6 +17,7 @@ _FIELDS = {
     'semantic': ('pts_semantic_mask', np.int64),
     'instance': ('pts_instance_mask', np.int64),
     'is_annotated': ('pts_is_annotated', np.bool_),
+    'confidence': ('pts_confidence', np.float32),
     'region': ('pts_region', np.int64),
 }
 

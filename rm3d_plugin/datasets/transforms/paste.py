@@ -110,6 +110,7 @@ def paste(results: dict[str, Any], item: LabelledObject) -> dict[str, Any]:
         'semantic': np.full(n, item.label),
         'instance': np.full(n, row),
         'is_annotated': np.ones(n, dtype=bool),
+        'confidence': np.ones(n, dtype=np.float32),
         'is_ground': np.zeros(n, dtype=bool),
     }
     out = results | {name: np.concatenate([results[name], new[name]]) for name in POINT_FIELDS if name in results}

@@ -9,7 +9,7 @@ from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS
 
 # arrays with one row a point
-POINT_FIELDS = ('points', 'point_index', 'semantic', 'instance', 'is_annotated', 'is_ground', 'region')
+POINT_FIELDS = ('points', 'point_index', 'semantic', 'instance', 'is_annotated', 'confidence', 'is_ground', 'region')
 
 
 def select_points(results: dict[str, Any], index: np.ndarray) -> dict[str, Any]:

@@ -18,6 +18,7 @@ class PointLabels(NamedTuple):
         instance: (N,) instance of each point, numbered through the batch; -1 = none or unknown.
         instance_scene: (I,) scene of each instance, ascending.
         is_annotated: (N,) True where the budget annotated the class.
+        confidence: (N,) in [0, 1], how likely the class is right.
         class_counts: (C,) annotated labels of each class in the whole training set; None where nobody told.
     """
 
@@ -25,13 +26,15 @@ class PointLabels(NamedTuple):
     instance: Int[Tensor, ' points']
     instance_scene: Int[Tensor, ' instances']
     is_annotated: Bool[Tensor, ' points']
+    confidence: Float[Tensor, ' points']
     class_counts: Float[Tensor, ' classes'] | None = None
 
 
-def _mask(sample: Any, name: str, rows: int, fill: int, device: torch.device) -> Tensor:
+def _mask(sample: Any, name: str, rows: int, fill: float, device: torch.device) -> Tensor:
+    kind = torch.float32 if isinstance(fill, float) else torch.int64
     if name not in sample:
-        return torch.full((rows,), fill, device=device)
-    value = torch.as_tensor(sample.get(name), device=device).long()
+        return torch.full((rows,), fill, dtype=kind, device=device)
+    value = torch.as_tensor(sample.get(name), dtype=kind, device=device)
     if value.shape != (rows,):
         raise SceneError(
             f'{sample.get("scene_id")}: {name}: expected {rows} values, one a point, got shape {tuple(value.shape)}'
@@ -44,14 +47,14 @@ def join_point_labels(
 ) -> PointLabels:
     """Join the labels of the samples of a batch.
 
-    Points without a mask are unlabelled; labelled points without ``pts_is_annotated`` count as annotated. Instance
-    numbers of a scene may have gaps.
+    Points without a mask are unlabelled; labelled points without ``pts_is_annotated`` count as annotated, and those
+    without ``pts_confidence`` as sure. Instance numbers of a scene may have gaps.
 
     Raises:
         SceneError: A mask has another number of rows than the scene has points, or names a class that is not there.
     """
     device = batch_offsets.device
-    semantic, instance, is_annotated, scenes = [], [], [], []
+    semantic, instance, is_annotated, confidence, scenes = [], [], [], [], []
     count = 0
     for scene, (sample, rows) in enumerate(zip(samples, batch_offsets.diff().tolist(), strict=True)):
         classes = _mask(sample, 'pts_semantic_mask', rows, -1, device)
@@ -68,5 +71,7 @@ def join_point_labels(
         semantic.append(classes.clamp_min(-1))
         instance.append(joined)
         is_annotated.append((_mask(sample, 'pts_is_annotated', rows, 1, device) > 0) & (classes >= 0))
+        confidence.append(_mask(sample, 'pts_confidence', rows, 1.0, device))
         scenes.append(torch.full((len(numbers),), scene, device=device))
-    return PointLabels(torch.cat(semantic), torch.cat(instance), torch.cat(scenes), torch.cat(is_annotated))
+    columns = (semantic, instance, scenes, is_annotated, confidence)
+    return PointLabels(*(torch.cat(column) for column in columns))

@@ -27,6 +27,7 @@ class WeakSupervision(LossTerm):
         power: How much more: weight of a class = count^-power. 0.5: inverse square root; larger: rarer classes gain.
         pseudo_weight: Weight of a label that the budget did not show, against 1 of an annotated one; smaller: trusts
             pseudo labels less.
+        confidence_power: Weight of a label = its confidence ^ this; 0: all labels alike; larger: unsure labels teach less.
         annotated_share: In (0, 1): share of L_WSL that the mean over annotated labels has, however few they are; that
             over pseudo labels has the rest. Larger: trusts pseudo labels less. None: all labels are averaged together.
     """
@@ -38,6 +39,7 @@ class WeakSupervision(LossTerm):
         power: float = 0.5,
         pseudo_weight: float = 1.0,
         annotated_share: float | None = None,
+        confidence_power: float = 0.0,
     ) -> None:
         super().__init__()
         if balance not in get_args(Balance):
@@ -54,7 +56,9 @@ class WeakSupervision(LossTerm):
         )  # fmt: skip
         told = ('class_counts',) if balance == 'frequency' else ()
         parts = () if pseudo_weight == 1 and annotated_share is None else ('is_annotated',)
-        self.needs = ('logits', 'semantic', *told, *parts)
+        unsure = () if confidence_power == 0 else ('confidence',)
+        self.confidence_power = confidence_power
+        self.needs = ('logits', 'semantic', *told, *parts, *unsure)
 
     def forward(self, batch: Batch, outputs: PointOutput, labels: Any) -> dict[str, Tensor]:
         """``loss_wsl``."""
@@ -88,5 +92,8 @@ class WeakSupervision(LossTerm):
             weights = class_weights(counts, self.power)
         elif self.balance == 'frequency':
             weights = class_weights(labels.class_counts, self.power)
+        if self.confidence_power:
+            sure = labels.confidence.pow(self.confidence_power)
+            points = sure if points is None else sure * points
         mean: Tensor = self.loss(logits, classes, weights, points)
         return mean
