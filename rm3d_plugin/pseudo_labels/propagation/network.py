@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
 from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening
@@ -51,23 +51,77 @@ def judge_network(
         unseen: Points that it was not taught.
         rules: The rest.
     """
-    asked = unseen[labels.nodes] & np.isfinite(network[labels.nodes]).all(axis=1)
+    asked = judges(labels, network, unseen)
     if not asked.any():
         return SILENT
-    points, classes, told = labels.nodes[asked], labels.classes[asked], labels.select(~asked)
-    if not len(told.nodes) and not len(told.others):
-        return SILENT
-    weight = 1.0 / np.bincount(classes)[classes]
-    weight /= weight.sum()
-    power = max(POWERS, key=lambda each: _likelihood(_raised(network[points], each), classes, weight))
+    classes = labels.classes[asked]
+    power = network_power(network[labels.nodes[asked]], classes)
+    right = try_network(scene, labels, network, asked, power, rules)
+    return NetworkSay(network_weight(right, classes, rules.network_errors_apart), power, len(classes))
+
+
+def judges(
+    labels: Labels, network: Float[np.ndarray, 'points present'], unseen: Bool[np.ndarray, ' points']
+) -> Bool[np.ndarray, ' labelled']:
+    """The labels that judge a network: it was not taught them, it saw their points, and others are left."""
+    asked = unseen[labels.nodes] & np.isfinite(network[labels.nodes]).all(axis=1)
+    return asked if len(labels.others) or not asked.all() else np.zeros_like(asked)
+
+
+def network_power(said: Float[np.ndarray, 'judges classes'], classes: Int[np.ndarray, ' judges']) -> float:
+    """The inverse temperature by which a network is right as often as it says, all classes counting alike.
+
+    Args:
+        said: Its probabilities at labels that it was not taught, at least one.
+        classes: Of these.
+    """
+    weight = _alike(classes)
+    return max(POWERS, key=lambda each: _likelihood(_raised(said, each), classes, weight))
+
+
+def try_network(
+    scene: PreparedCloud,
+    labels: Labels,
+    network: Float[np.ndarray, 'points present'],
+    asked: Bool[np.ndarray, ' labelled'],
+    power: float,
+    rules: WalkerRules,
+) -> Bool[np.ndarray, 'strengths judges']:
+    """Whether labels that are left out come out right, without the network and with each of :data:`STRENGTHS`.
+
+    Args:
+        scene: The scan.
+        labels: Of its points.
+        network: Probabilities of the classes that are asked for; rows of NaN where it saw nothing.
+        asked: Of :func:`judges`, at least one.
+        power: Of :func:`network_power`.
+        rules: The rest.
+    """
+    told, points, classes = labels.select(~asked), labels.nodes[asked], labels.classes[asked]
     coarse = coarse_scene(scene, labels.nodes, rules.left_out_nodes)
     node, own = coarse.coarse.node, strength_of(DEFAULT, told.classes, rules)
-    right = {}
+    right = []
     for strength in (0.0, *STRENGTHS):
         pull = network_pull(coarse, network, NetworkSay(strength, power, 0))
         said = solve(coarse, told.at(node), own, rules, pull).shares[node[points]]
-        right[strength] = (said.argmax(axis=1) == classes).astype(np.float64)
-    return NetworkSay(_clearly_ahead(right, weight, rules.network_errors_apart), power, len(points))
+        right.append(said.argmax(axis=1) == classes)
+    return np.stack(right)
+
+
+def network_weight(
+    right: Bool[np.ndarray, 'strengths judges'], classes: Int[np.ndarray, ' judges'], errors_apart: float
+) -> float:
+    """The strength with the most labels right where it is ahead of none by so many standard errors, else 0.
+
+    Args:
+        right: Of :func:`try_network`, of one scan or joined over scans.
+        classes: Of the labels; all classes count alike.
+        errors_apart: Larger: the network speaks less often.
+    """
+    weight, gained = _alike(classes), right.astype(np.float64) - right[0]
+    ahead = gained @ weight
+    sure = ahead > errors_apart * np.sqrt(np.square(weight * gained).sum(axis=1))
+    return float((0.0, *STRENGTHS)[int(np.where(sure, ahead, 0.0).argmax())])
 
 
 def network_pull(coarse: CoarseScene, network: Float[np.ndarray, 'points present'], say: NetworkSay) -> Pull | None:
@@ -88,16 +142,10 @@ def _raised(shares: Float[np.ndarray, 'rows classes'], power: float) -> Float[np
     return normalised(np.maximum(shares, LEAST).astype(np.float64) ** power)
 
 
+def _alike(classes: Int[np.ndarray, ' labels']) -> Float[np.ndarray, ' labels']:
+    weight = 1.0 / np.bincount(classes)[classes]
+    return np.asarray(weight / weight.sum())
+
+
 def _likelihood(shares: np.ndarray, classes: np.ndarray, weight: np.ndarray) -> float:
     return float(weight @ np.log(shares[np.arange(len(classes)), classes]))
-
-
-def _clearly_ahead(right: dict[float, np.ndarray], weight: np.ndarray, errors_apart: float) -> float:
-    """The strength with the most right, if it is ahead of none by so many standard errors, else 0."""
-    best, lead = 0.0, 0.0
-    for strength, each in right.items():
-        ahead = float(weight @ (each - right[0.0]))
-        error = float(np.sqrt(np.square(weight * (each - right[0.0])).sum()))
-        if ahead > max(lead, errors_apart * error):
-            best, lead = strength, ahead
-    return best
