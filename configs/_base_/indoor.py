@@ -192,7 +192,8 @@ graph_neighbors = 8
 max_gap = 0.1  # m between adjacent regions
 propagate = True  # False: training sees the annotated points alone
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it
-walker = dict()
+walker = dict()  # labels spread by a random walk: walker.accept=.7 for purer ones; None: regions merge by the rules below
+random_walk = dict()
 merge = dict(rounds='${label_refreshes}', centre_distance=0.3)
 propagation = dict(max_color=0.45, max_extent=3.0, new_instances=False)
 region_prior = dict(gamma=0.6)  # of prior and network together
@@ -215,6 +216,7 @@ label_maker = dict(
     strategy='${strategy}',
     merge='${merge}',
     walker='${walker}',
+    random_walk='${random_walk}',
     propagation='${propagation}',
     region_prior='${region_prior}',
     ground='${ground}',

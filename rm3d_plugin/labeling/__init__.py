@@ -3,10 +3,12 @@
 from rm3d_plugin.labeling.annotated import AnnotatedLabelMaker
 from rm3d_plugin.labeling.detection import DetectionLabelMaker
 from rm3d_plugin.labeling.label_maker import LabelMaker
+from rm3d_plugin.labeling.point_labels import point_label_maker
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
-from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker, point_label_maker
+from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker
 from rm3d_plugin.labeling.sources import BoxBudgetSource, DatasetSource, LabelSource
+from rm3d_plugin.labeling.walker import WalkerLabelMaker
 
 __all__ = [
     'AnnotatedLabelMaker',
@@ -18,5 +20,6 @@ __all__ = [
     'PointBudgetSource',
     'PreparedScenes',
     'SegmentationLabelMaker',
+    'WalkerLabelMaker',
     'point_label_maker',
 ]

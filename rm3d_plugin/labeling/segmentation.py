@@ -207,25 +207,3 @@ class SegmentationLabelMaker(LabelMaker):
         nothing = HoldoutErrors(np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64))
         parts = (holdout_errors(self.store.read(s, number).semantic, self.holdout(s), count) for s in self.index_of)
         return reduce(add, parts, nothing)
-
-
-@TASK_UTILS.register_module()
-def point_label_maker(
-    store: str | Path, source: Mapping[str, Any] | LabelSource, propagate: bool = True, **settings: Any
-) -> LabelMaker:
-    """The label maker of a segmentation config, whose key ``propagate`` tells whether labels propagate at all.
-
-    Args:
-        store: Folder of the label store.
-        source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
-        propagate: False: training sees the annotated points alone (:class:`AnnotatedLabelMaker`), and ``settings``
-            are not read.
-        settings: Further arguments of :class:`SegmentationLabelMaker`.
-    """
-    if propagate and settings.get('walker') is not None:
-        from rm3d_plugin.labeling.walker import WalkerLabelMaker
-        return WalkerLabelMaker(store, source, **settings.pop('walker'))
-    settings.pop('walker', None)
-    if propagate:
-        return SegmentationLabelMaker(store, source, **settings)
-    return AnnotatedLabelMaker(store, source)

@@ -1,88 +1,208 @@
-"""Labels of segmentation that spread as a random walker would carry them, over each scan."""
+"""Labels of segmentation that spread as a random walker would carry them: the default."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Int
+from mmengine.dist import all_gather_object
 
 from rm3d_plugin.labeling.annotated import annotated_only, evaluate_points
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
+from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
 from rm3d_plugin.labeling.sources import LabelSource
+from rm3d_plugin.labeling.scan_knowledge import LabelledScan, ScanKnowledge
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
-from rm3d_plugin.pseudo_labels.propagation import PreparedCloud, WalkerRules, prepare_cloud, propagate_prepared
+from rm3d_plugin.pseudo_labels.propagation import (
+    PreparedCloud,
+    WalkerRules,
+    prepare_cloud,
+    propagate_prepared,
+)
+from rm3d_plugin.pseudo_labels.propagation.network import Trial, judge_network, trial_of
+from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
+from rm3d_plugin.pseudo_labels.propagation.rules import SILENT, NetworkSay
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.storage.recent import RecentItems
-from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PseudoLabels, Regions
+from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PointCloud, PseudoLabels, Regions
+from rm3d_plugin.structures.check_field import check_field
+
+SCANS_IN_MEMORY = 1024  # MB of prepared scans
+JUDGING_SCANS = 32  # whose predictions are held at once, in each process, to judge the network
 
 
-def _size(scene: PreparedCloud) -> int:
-    return scene.features.nbytes + scene.graph.weights.data.nbytes + scene.graph.weights.indices.nbytes
+@dataclass(frozen=True)
+class WalkerLabelRules:
+    """How labels that spread are used.
+
+    Attributes:
+        accept: Points whose class is right with less than this probability stay without a label; the probability is
+            that of labels that were left out. Larger: fewer and purer labels. 0: every point has one.
+        judging: Share of the labels that training is not told until the last refresh: they judge the network.
+            Larger: the network is judged better, and taught less. 0: it has no say.
+    """
+
+    accept: float = 0.5
+    judging: float = 0.2
+
+    def __post_init__(self) -> None:
+        check_field(self, 'accept', 0 <= self.accept <= 1, 'a probability')
+        check_field(self, 'judging', 0 <= self.judging < 1, 'a share in [0, 1)')
 
 
 @TASK_UTILS.register_module()
 class WalkerLabelMaker(LabelMaker):
+    """Labels of each scan spread over its points (:mod:`rm3d_plugin.pseudo_labels.propagation`).
+
+    Labels of all scans teach what classes look like, and, left out in turn, how far answers may be trusted. From round
+    1 on the network is one more voice, if labels that it was not taught come out better with it; else the labels of
+    round 0 stand.
+
+    Args:
+        store: Folder of the label store.
+        source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
+        rounds: Sets of labels in the whole run; the last is made from all labels, those that judged among them.
+        walker: Fields of :class:`WalkerLabelRules`.
+        random_walk: Fields of :class:`~rm3d_plugin.pseudo_labels.propagation.WalkerRules`.
+        seed: Of the draw of the labels that judge.
+        geometry: Arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`, of regions for reports.
+    """
+
     task: ClassVar[Task] = 'segmentation'
 
     def __init__(
         self,
         store: str | Path,
         source: Mapping[str, Any] | LabelSource,
-        accept: float = 0.6,
-        top: float = 0.0,
+        rounds: int = 1,
+        walker: Mapping[str, Any] | None = None,
+        random_walk: Mapping[str, Any] | None = None,
         seed: int = 0,
-        **unused,
+        **geometry: Any,
     ) -> None:
         super().__init__(store, source)
-        self.rules = WalkerRules(seed=seed)
-        self.accept = accept
-        self.top = top
-        self._scenes: RecentItems[PreparedCloud] = RecentItems(1024, _size)
+        self.rules, self.walk = WalkerLabelRules(**(walker or {})), WalkerRules(**(random_walk or {}))
+        self._rounds, self._seed = rounds, seed
+        self._regions = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
+        self._scans: RecentItems[PreparedCloud] = RecentItems(SCANS_IN_MEMORY, _nbytes)
+        self._say = SILENT
+        self.forget()
 
-    def scene(self, scene_id: str) -> PreparedCloud:
-        make = lambda: prepare_cloud(self.source.load_cloud(self.index_of[scene_id]))
-        return self._scenes.get_or_make(scene_id, make)
+    def _cloud(self, scene_id: str) -> PointCloud:
+        return self.source.load_cloud(self.index_of[scene_id])
+
+    def scan(self, scene_id: str) -> PreparedCloud:
+        """Graph and features of a scan, from memory or made now; not to be written to."""
+        return self._scans.get_or_make(scene_id, lambda: prepare_cloud(self._cloud(scene_id)))
 
     def prepare(self, jobs: int = 1) -> str:
-        return 'nothing'
+        """Nothing is kept on disk: a scan is prepared in about a second when its labels spread."""
+        return 'graphs of the scans are made as they are needed'
 
     def forget(self) -> None:
-        pass
+        """What the labels tell is learnt anew."""
+        scenes, classes = list(self.index_of), len(self.source.classes)
+        self.known = ScanKnowledge(scenes, self._labelled, classes, self.walk, self.rules.judging, self._seed)
+
+    # ------------------------------------------------------------------ annotated labels
 
     def annotated(self, scene_id: str) -> AnnotatedLabels:
+        """Annotated labels of a scene, all of them."""
         return self.source.annotated_labels(self.index_of[scene_id])
 
+    def told(self, number: int, scene_id: str) -> AnnotatedLabels:
+        """Annotated labels from which those of a round are made: all of them where no network is judged after it."""
+        annotated = self.annotated(scene_id)
+        if annotated.complete or number >= self._rounds - 1:
+            return annotated
+        return without(annotated, self.known.judges[scene_id])
+
+    def _labelled(self, scene_id: str) -> LabelledScan:
+        return self.scan(scene_id), self.annotated(scene_id).semantic
+
     def statistics(self) -> LabelStatistics:
+        """How often each class is annotated."""
         return LabelStatistics(self.source.point_counts())
 
+    # ------------------------------------------------------------------ labels
+
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
-        annotated = self.annotated(scene_id)
+        """Spread the labels of a scene; the network takes part as it was judged."""
+        annotated = self.told(number, scene_id)
         if annotated.complete:
             return SceneLabels(annotated_only(annotated))
-        found = propagate_prepared(self.scene(scene_id), annotated.semantic, len(self.source.classes), self.rules)
+        beside = replace(self.known.beside(scene_id), sharpness=self.known.sharpness, say=self._say)
+        if prediction is not None:
+            beside = replace(beside, network=prediction.probabilities)
+        classes = len(self.source.classes)
+        found = propagate_prepared(self.scan(scene_id), annotated.semantic, classes, self.walk, beside)
         known = annotated.semantic >= 0
-        limit = self.accept
-        if self.top:
-            limit = min(limit, np.quantile(found.confidence, 1 - self.top))
-        sure = known | (found.confidence >= limit)
-        return SceneLabels(PseudoLabels(
+        sure = known | (found.confidence >= self.rules.accept)
+        labels = PseudoLabels(
             semantic=np.where(sure, found.semantic, UNLABELLED),
             instance=annotated.instance,
             point_is_annotated=known,
             confidence=np.where(sure, found.confidence, 0.0).astype(np.float32),
             boxes=Boxes3D.empty(),
             box_is_annotated=np.zeros(0, dtype=bool),
-        ))
+        )
+        return SceneLabels(labels)
 
     def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
-        return predictions
+        """Labels that the network was not taught judge it, in the first scenes of each process."""
+        rest = iter(predictions)
+        first = list(islice(rest, JUDGING_SCANS)) if self.rules.judging else []
+        trials = [trial for scene, seen in first if (trial := self._trial(scene, seen)) is not None]
+        says: list[NetworkSay] = all_gather_object(judge_network(trials, self.walk))
+        self._say = max(says, key=lambda say: say.labels)
+        return chain(first, rest)
+
+    def _trial(self, scene_id: str, prediction: PointPrediction) -> Trial | None:
+        annotated = self.annotated(scene_id)
+        if annotated.complete:
+            return None
+        scene, classes = self.scan(scene_id), len(self.source.classes)
+        present, labels = labels_of(scene, annotated.semantic, classes, self.known.beside(scene_id))
+        unseen = np.zeros(len(annotated), dtype=np.bool_)
+        unseen[self.known.judges[scene_id]] = True
+        return trial_of(scene, labels, prediction.probabilities[:, present], unseen)
 
     def check(self, number: int, log: Log) -> None:
-        pass
+        """Say whether the network took part."""
+        if number:
+            log(f'labels of round {number}: {heard(self._say)}')
 
     def evaluate(self, number: int) -> dict[str, Any]:
+        """Coverage and precision of each class, and how far the centres of instances are off."""
         return evaluate_points(self, number)
 
     def regions(self, scene_id: str) -> Regions | None:
-        return None
+        """Regions of the scan, made for reports alone; None for a scene of which everything is annotated."""
+        return None if self.annotated(scene_id).complete else self._regions.get(scene_id).regions
+
+
+def heard(say: NetworkSay) -> str:
+    """Whether a network took part, and who judged it.
+
+    >>> heard(SILENT)
+    'no label can judge the network: those of geometry stand'
+    """
+    if not say.labels:
+        return 'no label can judge the network: those of geometry stand'
+    if not say.weight:
+        return f'{say.labels} labels that the network was not taught do not speak for it: those of geometry stand'
+    return f'{say.labels} labels that the network was not taught speak for it: pull {say.weight:g}'
+
+
+def without(annotated: AnnotatedLabels, points: Int[np.ndarray, ' points']) -> AnnotatedLabels:
+    """The labels without those of some points."""
+    semantic, instance = annotated.semantic.copy(), annotated.instance.copy()
+    semantic[points], instance[points] = UNLABELLED, UNLABELLED
+    return replace(annotated, semantic=semantic, instance=instance)
+
+
+def _nbytes(scene: PreparedCloud) -> int:
+    return scene.features.nbytes + scene.graph.weights.data.nbytes + scene.graph.weights.indices.nbytes

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
+from rm3d_plugin.pseudo_labels.propagation.rules import NetworkSay
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +20,9 @@ class Beside:
             features of other scans and the network say for them; other classes without a label are never named.
         network: (N, C) float32 probabilities of a network; rows of NaN where it saw nothing.
         unseen: (N,) labelled points that the network was not taught: they alone can judge it. None: it has no say.
+        say: How the network enters, where labels of several scans judged it; ``unseen`` is then not asked.
+        sharpness: Power of the probabilities by which they are right as often as they say, where labels of several
+            scans told; the scan's own labels are then not left out.
     """
 
     features: Float[np.ndarray, 'examples features'] | None = None
@@ -26,6 +30,8 @@ class Beside:
     possible: Bool[np.ndarray, ' classes'] | None = None
     network: Float[np.ndarray, 'points classes'] | None = None
     unseen: Bool[np.ndarray, ' points'] | None = None
+    say: NetworkSay | None = None
+    sharpness: float | None = None
 
     def check(self, scene: PreparedCloud, num_classes: int) -> None:
         """Whether it fits a scan.

@@ -1,5 +1,6 @@
 """What a network says of a scan, and whether labels that it was not taught let it speak."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
-from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, WalkerRules
+from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, SILENT, NetworkSay, WalkerRules
 from rm3d_plugin.pseudo_labels.propagation.solve import CoarseScene, Pull, coarse_scene, solve
 
 POWERS = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # inverse temperatures that are tried
@@ -18,54 +19,64 @@ STRENGTHS = (0.003, 0.01, 0.03, 0.1, 0.3)  # pulls that are tried, as shares of 
 LEAST = 1e-6
 
 
-class NetworkSay(NamedTuple):
-    """How a network enters an answer.
+class Trial(NamedTuple):
+    """A scan with labels that its network was not taught.
 
     Attributes:
-        weight: Pull, as a share of the usual degree of a point; 0: no say.
-        power: Inverse temperature by which its probabilities are right as often as they say.
-        labels: That judged it.
+        scene: The scan.
+        labels: Of its points.
+        network: (N, present) probabilities of the classes that are asked for; rows of NaN where it saw nothing.
+        judges: (L,) which of the labels it was not taught; it saw their points.
     """
 
-    weight: float
-    power: float
-    labels: int
+    scene: PreparedCloud
+    labels: Labels
+    network: Float[np.ndarray, 'points present']
+    judges: Bool[np.ndarray, ' labelled']
+
+    @property
+    def classes(self) -> Int[np.ndarray, ' judges']:
+        """Of the labels that judge."""
+        return self.labels.classes[self.judges]
+
+    @property
+    def said(self) -> Float[np.ndarray, 'judges present']:
+        """What the network says of them."""
+        return self.network[self.labels.nodes[self.judges]]
 
 
-SILENT = NetworkSay(0.0, 1.0, 0)
-
-
-def judge_network(
+def trial_of(
     scene: PreparedCloud,
     labels: Labels,
     network: Float[np.ndarray, 'points present'],
     unseen: Bool[np.ndarray, ' points'],
-    rules: WalkerRules,
-) -> NetworkSay:
-    """Leave all labels out that the network was not taught, and compare the answer with it to the one without.
+) -> Trial | None:
+    """A trial of a network; None where no label can judge it, or none is left to compare with.
 
     Args:
         scene: The scan.
         labels: Of its points.
-        network: Probabilities of the classes that are asked for; rows of NaN where it saw nothing.
+        network: See :class:`Trial`.
         unseen: Points that it was not taught.
-        rules: The rest.
     """
-    asked = judges(labels, network, unseen)
-    if not asked.any():
+    judges = unseen[labels.nodes] & np.isfinite(network[labels.nodes]).all(axis=1)
+    left = len(labels.others) or not judges.all()
+    return Trial(scene, labels, network, judges) if judges.any() and left else None
+
+
+def judge_network(trials: Sequence[Trial], rules: WalkerRules) -> NetworkSay:
+    """Leave the labels out that the network was not taught, and compare the answer with it to the one without.
+
+    Args:
+        trials: Of one scan or more, all with the same classes.
+        rules: Of the walk.
+    """
+    if not trials:
         return SILENT
-    classes = labels.classes[asked]
-    power = network_power(network[labels.nodes[asked]], classes)
-    right = try_network(scene, labels, network, asked, power, rules)
+    classes = np.concatenate([trial.classes for trial in trials])
+    power = network_power(np.concatenate([trial.said for trial in trials]), classes)
+    right = np.concatenate([try_network(trial, power, rules) for trial in trials], axis=1)
     return NetworkSay(network_weight(right, classes, rules.network_errors_apart), power, len(classes))
-
-
-def judges(
-    labels: Labels, network: Float[np.ndarray, 'points present'], unseen: Bool[np.ndarray, ' points']
-) -> Bool[np.ndarray, ' labelled']:
-    """The labels that judge a network: it was not taught them, it saw their points, and others are left."""
-    asked = unseen[labels.nodes] & np.isfinite(network[labels.nodes]).all(axis=1)
-    return asked if len(labels.others) or not asked.all() else np.zeros_like(asked)
 
 
 def network_power(said: Float[np.ndarray, 'judges classes'], classes: Int[np.ndarray, ' judges']) -> float:
@@ -79,32 +90,23 @@ def network_power(said: Float[np.ndarray, 'judges classes'], classes: Int[np.nda
     return max(POWERS, key=lambda each: _likelihood(_raised(said, each), classes, weight))
 
 
-def try_network(
-    scene: PreparedCloud,
-    labels: Labels,
-    network: Float[np.ndarray, 'points present'],
-    asked: Bool[np.ndarray, ' labelled'],
-    power: float,
-    rules: WalkerRules,
-) -> Bool[np.ndarray, 'strengths judges']:
+def try_network(trial: Trial, power: float, rules: WalkerRules) -> Bool[np.ndarray, 'strengths judges']:
     """Whether labels that are left out come out right, without the network and with each of :data:`STRENGTHS`.
 
     Args:
-        scene: The scan.
-        labels: Of its points.
-        network: Probabilities of the classes that are asked for; rows of NaN where it saw nothing.
-        asked: Of :func:`judges`, at least one.
+        trial: Of a scan.
         power: Of :func:`network_power`.
-        rules: The rest.
+        rules: Of the walk.
     """
-    told, points, classes = labels.select(~asked), labels.nodes[asked], labels.classes[asked]
+    scene, labels, network, judges = trial
+    told, points = labels.select(~judges), labels.nodes[judges]
     coarse = coarse_scene(scene, labels.nodes, rules.left_out_nodes)
     node, own = coarse.coarse.node, strength_of(DEFAULT, told.classes, rules)
     right = []
     for strength in (0.0, *STRENGTHS):
         pull = network_pull(coarse, network, NetworkSay(strength, power, 0))
         said = solve(coarse, told.at(node), own, rules, pull).shares[node[points]]
-        right.append(said.argmax(axis=1) == classes)
+        right.append(said.argmax(axis=1) == trial.classes)
     return np.stack(right)
 
 

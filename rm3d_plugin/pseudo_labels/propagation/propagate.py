@@ -17,10 +17,10 @@ from rm3d_plugin.pseudo_labels.propagation.estimate import Estimate, calibrated,
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import LeftOut, leave_labels_out, strength_of
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
-from rm3d_plugin.pseudo_labels.propagation.network import SILENT, NetworkSay, judge_network, network_pull
+from rm3d_plugin.pseudo_labels.propagation.network import judge_network, network_pull, trial_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.relax import relax
-from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, Candidate, WalkerRules
+from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, SILENT, Candidate, NetworkSay, WalkerRules
 from rm3d_plugin.pseudo_labels.propagation.solve import Pull, coarse_scene, solve
 from rm3d_plugin.structures import UNLABELLED, PointCloud
 
@@ -93,24 +93,26 @@ def propagate_prepared(
     _check(len(scene.cloud), annotated, num_classes)
     rules, beside = rules or WalkerRules(), beside or Beside()
     beside.check(scene, num_classes)
-    present, labels = _labels(scene, annotated, num_classes, beside)
+    present, labels = labels_of(scene, annotated, num_classes, beside)
     if not len(labels.nodes) and not len(labels.others):
         return _nothing(len(annotated), num_classes)
     candidates = _candidates(scene.cloud, labels)
-    left = leave_labels_out(scene, labels, candidates, rules)
+    left = leave_labels_out(scene, labels, candidates, rules) if beside.sharpness is None else None
     choice = Choice(DEFAULT, {}) if left is None else choose(left.shares, labels.classes[left.rows], rules.errors_apart)
     network = None if beside.network is None else beside.network[:, present]
-    say = SILENT
-    if network is not None and beside.unseen is not None:
-        say = judge_network(scene, labels, network, beside.unseen, rules)
+    say = beside.say or SILENT
+    if network is not None and beside.say is None and beside.unseen is not None:
+        trial = trial_of(scene, labels, network, beside.unseen)
+        say = SILENT if trial is None else judge_network([trial], rules)
     shares = _answer(scene, labels, choice.candidate if not say.weight else DEFAULT, rules, network, say)
     estimate = None if left is None else _estimate(shares, annotated < 0, left, labels, choice.candidate, rules)
-    if estimate is not None:
-        shares = calibrated(shares, estimate.sharpness)
+    sharpness = beside.sharpness if estimate is None else estimate.sharpness
+    if sharpness is not None:
+        shares = calibrated(shares, sharpness)
     return _named(shares, annotated, present, num_classes, choice, estimate, say)
 
 
-def _labels(
+def labels_of(
     scene: PreparedCloud, annotated: Int[np.ndarray, ' points'], num_classes: int, beside: Beside
 ) -> tuple[Int[np.ndarray, ' present'], Labels]:
     """Classes that are labelled or possible, and the labels in terms of these."""

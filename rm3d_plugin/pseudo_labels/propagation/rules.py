@@ -1,11 +1,29 @@
 """Settings of the propagation of few labels over a scan."""
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 Candidate = Literal['walker and features', 'walker', 'features', 'nearest', 'nearest in place and colour']
 DEFAULT: Candidate = 'walker and features'
 CANDIDATES: tuple[Candidate, ...] = get_args(Candidate)
+
+
+
+class NetworkSay(NamedTuple):
+    """How a network enters an answer.
+
+    Attributes:
+        weight: Pull, as a share of the usual degree of a point; 0: no say.
+        power: Inverse temperature by which its probabilities are right as often as they say.
+        labels: That judged it.
+    """
+
+    weight: float
+    power: float
+    labels: int
+
+
+SILENT = NetworkSay(0.0, 1.0, 0)
 
 
 @dataclass(frozen=True)

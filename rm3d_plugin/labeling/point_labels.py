@@ -1,0 +1,48 @@
+"""Which label maker a segmentation config asks for."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rm3d_plugin.labeling.annotated import AnnotatedLabelMaker
+from rm3d_plugin.labeling.label_maker import LabelMaker
+from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker
+from rm3d_plugin.labeling.sources import LabelSource
+from rm3d_plugin.labeling.walker import WalkerLabelMaker
+from rm3d_plugin.pseudo_labels.common.strategy import Strategy, is_paper
+from rm3d_plugin.registry import TASK_UTILS
+
+GEOMETRY = ('cache', 'descriptor', 'oversegmenter', 'graph_neighbors', 'max_gap')
+
+
+@TASK_UTILS.register_module()
+def point_label_maker(
+    store: str | Path,
+    source: Mapping[str, Any] | LabelSource,
+    propagate: bool = True,
+    strategy: Strategy = 'default',
+    walker: Mapping[str, Any] | None = None,
+    random_walk: Mapping[str, Any] | None = None,
+    **settings: Any,
+) -> LabelMaker:
+    """The label maker of a segmentation config.
+
+    Args:
+        store: Folder of the label store.
+        source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
+        propagate: False: training sees the annotated points alone (:class:`AnnotatedLabelMaker`), and the rest is not
+            read.
+        strategy: 'default', or 'paper': regions merge as METHOD 6 has it (:class:`SegmentationLabelMaker`).
+        walker: Fields of :class:`~rm3d_plugin.labeling.walker.WalkerLabelRules`: labels spread by a random walk
+            (:class:`WalkerLabelMaker`), unless the strategy is the paper's. None: regions merge by the rules of
+            ``settings``.
+        random_walk: Fields of :class:`~rm3d_plugin.pseudo_labels.propagation.WalkerRules`.
+        settings: Further arguments of :class:`SegmentationLabelMaker`.
+    """
+    if not propagate:
+        return AnnotatedLabelMaker(store, source)
+    if walker is None or is_paper(strategy):
+        return SegmentationLabelMaker(store, source, strategy, **settings)
+    rounds, seed = int((settings.get('merge') or {}).get('rounds') or 1), settings.get('seed', 0)
+    geometry = {name: settings[name] for name in GEOMETRY if name in settings}
+    return WalkerLabelMaker(store, source, rounds, walker, random_walk, seed, **geometry)
