@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from tqdm import tqdm
 
-from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud, WalkerRules, examples_of
+from rm3d_plugin.pseudo_labels.propagation import Beside, Estimate, PreparedCloud, WalkerRules, examples_of
 from rm3d_plugin.pseudo_labels.propagation.checked import CheckedLabels, check_labels, sharpness_of
+from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated, estimate_miou
 
 LabelledScan = tuple[PreparedCloud, Int[np.ndarray, ' points']]
 
@@ -70,6 +71,18 @@ class ScanKnowledge:
     def sharpness(self) -> float:
         """Power of the probabilities by which answers are right as often as they say."""
         return sharpness_of(self.checked)
+
+    def estimate(self, shares: Sequence[Float[np.ndarray, 'points classes']]) -> Estimate | None:
+        """Of the mean IoU of answers over all scans, from the labels that were left out.
+
+        Args:
+            shares: Probabilities of points without a label, as sharp as :attr:`sharpness` makes them, of each scan.
+        """
+        columns, checked = np.flatnonzero(self.shown), self.checked
+        as_left_out = calibrated(np.concatenate(list(shares))[:, columns], 1.0 / self.sharpness)
+        said = np.concatenate([each.shares for each in checked])[:, columns]
+        classes = np.searchsorted(columns, np.concatenate([each.classes for each in checked]))
+        return estimate_miou(as_left_out, said, classes, self._rules.draws, np.random.default_rng(self._seed))
 
     @cached_property
     def judges(self) -> dict[str, Int[np.ndarray, ' judging']]:

@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
 from rm3d_plugin.labeling.annotated import annotated_only, evaluate_points
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
-from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.labeling.scan_knowledge import LabelledScan, ScanKnowledge
+from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
+from rm3d_plugin.pseudo_labels.common.kernel_classifier import evenly_chosen
 from rm3d_plugin.pseudo_labels.propagation import (
     PreparedCloud,
     WalkerRules,
@@ -31,6 +32,7 @@ from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PointCl
 from rm3d_plugin.structures.check_field import check_field
 
 SCANS_IN_MEMORY = 1024  # MB of prepared scans
+SAMPLE = 1 << 12  # points of each scan that the estimate is made from
 JUDGING_SCANS = 32  # whose predictions are held at once, in each process, to judge the network
 
 
@@ -89,6 +91,7 @@ class WalkerLabelMaker(LabelMaker):
         self._regions = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._scans: RecentItems[PreparedCloud] = RecentItems(SCANS_IN_MEMORY, _nbytes)
         self._say = SILENT
+        self._samples: list[Float[np.ndarray, 'points classes']] = []
         self.forget()
 
     def _cloud(self, scene_id: str) -> PointCloud:
@@ -121,13 +124,20 @@ class WalkerLabelMaker(LabelMaker):
         return without(annotated, self.known.judges[scene_id])
 
     def _labelled(self, scene_id: str) -> LabelledScan:
-        return self.scan(scene_id), self.annotated(scene_id).semantic
+        annotated = self.annotated(scene_id)
+        semantic = few_of_each(annotated.semantic, self.walk.examples) if annotated.complete else annotated.semantic
+        return self.scan(scene_id), semantic
 
     def statistics(self) -> LabelStatistics:
         """How often each class is annotated."""
         return LabelStatistics(self.source.point_counts())
 
     # ------------------------------------------------------------------ labels
+
+    def begin(self, number: int) -> None:
+        """Forget the answers of the round before."""
+        super().begin(number)
+        self._samples = []
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Spread the labels of a scene; the network takes part as it was judged."""
@@ -141,6 +151,7 @@ class WalkerLabelMaker(LabelMaker):
         found = propagate_prepared(self.scan(scene_id), annotated.semantic, classes, self.walk, beside)
         known = annotated.semantic >= 0
         sure = known | (found.confidence >= self.rules.accept)
+        self._samples.append(found.probabilities[~known][:: -(-len(known) // SAMPLE)])
         labels = PseudoLabels(
             semantic=np.where(sure, found.semantic, UNLABELLED),
             instance=annotated.instance,
@@ -176,8 +187,15 @@ class WalkerLabelMaker(LabelMaker):
             log(f'labels of round {number}: {heard(self._say)}')
 
     def evaluate(self, number: int) -> dict[str, Any]:
-        """Coverage and precision of each class, and how far the centres of instances are off."""
-        return evaluate_points(self, number)
+        """See :func:`evaluate_points`; and ``estimate``, what left-out labels tell of the mean IoU (None: too few)."""
+        return evaluate_points(self, number) | {'estimate': self._estimate()}
+
+    def _estimate(self) -> dict[str, float] | None:
+        """Of the answers of this process since the round began, percent."""
+        found = self.known.estimate(self._samples) if self._samples else None
+        if found is None:
+            return None
+        return {'miou': found.miou, 'low': found.low, 'high': found.high, 'clicks': found.labels}
 
     def regions(self, scene_id: str) -> Regions | None:
         """Regions of the scan, made for reports alone; None for a scene of which everything is annotated."""
@@ -202,6 +220,15 @@ def without(annotated: AnnotatedLabels, points: Int[np.ndarray, ' points']) -> A
     semantic, instance = annotated.semantic.copy(), annotated.instance.copy()
     semantic[points], instance[points] = UNLABELLED, UNLABELLED
     return replace(annotated, semantic=semantic, instance=instance)
+
+
+def few_of_each(semantic: Int[np.ndarray, ' points'], most: int) -> Int[np.ndarray, ' points']:
+    """At most so many labels of each class, spread evenly over the points; -1 elsewhere."""
+    known = np.flatnonzero(semantic >= 0)
+    kept = known[evenly_chosen(semantic[known], most)]
+    out = np.full(len(semantic), UNLABELLED, dtype=np.int64)
+    out[kept] = semantic[kept]
+    return out
 
 
 def _nbytes(scene: PreparedCloud) -> int:
