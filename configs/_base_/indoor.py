@@ -104,12 +104,13 @@ task = (
     'semantic'  # 'instances': offsets to their middles and masks are learnt, and clusters of shifted points predicted
 )
 tasks = dict(
-    semantic=dict(head=None, offset_loss=None, dice_loss=None, metrics=[dict(type='SemSegMetric')]),
+    semantic=dict(head=None, offset_loss=None, dice_loss=None, metrics=[dict(type='SemSegMetric')], spread=False),
     instances=dict(
         head='${point_group}',
         offset_loss='${instance_offsets}',
         dice_loss='${instance_dice}',
         metrics=[dict(type='SemSegMetric'), dict(type='${instance_metric}')],
+        spread=True,
     ),
 )
 val_evaluator = '${tasks.${task}.metrics}'
@@ -219,6 +220,7 @@ label_maker = dict(
     merge='${merge}',
     walker='${walker}',
     random_walk='${random_walk}',
+    instances='${tasks.${task}.spread}',
     propagation='${propagation}',
     region_prior='${region_prior}',
     ground='${ground}',

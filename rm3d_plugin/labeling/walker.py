@@ -23,6 +23,7 @@ from rm3d_plugin.pseudo_labels.propagation import (
     prepare_cloud,
     propagate_prepared,
 )
+from rm3d_plugin.pseudo_labels.propagation.instances import spread_instances
 from rm3d_plugin.pseudo_labels.propagation.network import Trial, judge_network, trial_of
 from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
 from rm3d_plugin.pseudo_labels.propagation.rules import SILENT, NetworkSay
@@ -69,6 +70,7 @@ class WalkerLabelMaker(LabelMaker):
         rounds: Sets of labels in the whole run; the last is made from all labels, those that judged among them.
         walker: Fields of :class:`WalkerLabelRules`.
         random_walk: Fields of :class:`~rm3d_plugin.pseudo_labels.propagation.WalkerRules`.
+        instances: Whether instances spread, too.
         seed: Of the draw of the labels that judge.
         geometry: Arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`, of regions for reports.
     """
@@ -82,12 +84,13 @@ class WalkerLabelMaker(LabelMaker):
         rounds: int = 1,
         walker: Mapping[str, Any] | None = None,
         random_walk: Mapping[str, Any] | None = None,
+        instances: bool = False,
         seed: int = 0,
         **geometry: Any,
     ) -> None:
         super().__init__(store, source)
         self.rules, self.walk = WalkerLabelRules(**(walker or {})), WalkerRules(**(random_walk or {}))
-        self._rounds, self._seed = rounds, seed
+        self._rounds, self._objects, self._seed = rounds, instances, seed
         self._regions = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._scans: RecentItems[PreparedCloud] = RecentItems(SCANS_IN_MEMORY, _nbytes)
         self._say = SILENT
@@ -152,15 +155,23 @@ class WalkerLabelMaker(LabelMaker):
         known = annotated.semantic >= 0
         sure = known | (found.confidence >= self.rules.accept)
         self._samples.append(found.probabilities[~known][:: -(-len(known) // SAMPLE)])
+        semantic = np.where(sure, found.semantic, UNLABELLED)
         labels = PseudoLabels(
-            semantic=np.where(sure, found.semantic, UNLABELLED),
-            instance=annotated.instance,
+            semantic=semantic,
+            instance=self._instances(scene_id, semantic, annotated) if self._objects else annotated.instance,
             point_is_annotated=known,
             confidence=np.where(sure, found.confidence, 0.0).astype(np.float32),
             boxes=Boxes3D.empty(),
             box_is_annotated=np.zeros(0, dtype=bool),
         )
         return SceneLabels(labels)
+
+    def _instances(
+        self, scene_id: str, semantic: Int[np.ndarray, ' points'], annotated: AnnotatedLabels
+    ) -> Int[np.ndarray, ' points']:
+        thing = np.isin(semantic, np.asarray(self.source.thing_classes, dtype=np.int64))
+        found = spread_instances(self.scan(scene_id), semantic, np.where(thing, annotated.instance, UNLABELLED))
+        return np.where(annotated.semantic >= 0, annotated.instance, np.where(thing, found, UNLABELLED))
 
     def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
         """Labels that the network was not taught judge it, in the first scenes of each process."""

@@ -115,9 +115,8 @@ def estimate_across(
         return None
     few = shares[:: -(-len(shares) // SAMPLE)][:, there]
     expected = np.stack([expected_ious(few, power) for power in POWERS])
-    weights = np.concatenate(
-        [np.ones((1, len(checked.classes))), generator.exponential(size=(draws, len(checked.classes)))]
-    )
+    labels = len(checked.classes)
+    weights = np.concatenate([np.ones((1, labels)), generator.exponential(size=(draws, labels))])
     chosen = np.abs((weights * _as_found(checked)) @ _claimed_too_much(checked).T).argmin(axis=1)
     worth, centre = LABELS_WORTH * (counts + 1), expected[chosen[1:]].clip(0.01, 0.99)
     drawn = generator.beta(centre * worth, (1.0 - centre) * worth).mean(axis=1)
