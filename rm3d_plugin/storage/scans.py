@@ -79,8 +79,8 @@ def read_scan(
     path = Path(path)
     if color_range not in COLOR_RANGES:
         raise ValueError(f'color_range: expected one of {COLOR_RANGES}, got {color_range!r}')
-    names = columns if isinstance(columns, str) else None
-    if names is not None:
+    names = columns if isinstance(columns, str) or columns is None else ''
+    if names:
         split_names(names)
     given = None if columns is None or isinstance(columns, str) else columns
     return scan_of_columns(read_columns(path, names), path, given, color_range, labels)
