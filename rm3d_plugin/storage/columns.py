@@ -1,16 +1,15 @@
 """Any scan file as named columns, and which column plays which part."""
 
 import warnings
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width
 from rm3d_plugin.storage.las import read_las
 from rm3d_plugin.storage.pcd import read_pcd
 from rm3d_plugin.storage.ply import read_ply
-from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width
 from rm3d_plugin.storage.text_columns import plain_name, read_text_table
 from rm3d_plugin.structures import SceneError
 
@@ -41,6 +40,7 @@ _BLOCKS |= {name: RGB for name in ('colors', 'color', 'rgb')} | {name: NORMAL fo
 
 ENDINGS = ('.bin', '.csv', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.txt', '.xyz')
 _LISTED = 12  # names in a message
+_MANY = 100  # columns that are rather points
 
 Columns = Mapping[str, int | str | None]
 """Part -> number or name of its column; None: the file's own column of that part is not read."""
@@ -66,7 +66,13 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
         raise SceneError(f'{path}: unknown ending {path.suffix!r}; expected one of {" ".join(ENDINGS)}')
     if not path.is_file():
         raise SceneError(f'{path}: no such file')
-    columns = readers[path.suffix.lower()](path, names)
+    try:
+        columns = readers[path.suffix.lower()](path, names)
+    except SceneError:
+        raise
+    except Exception as error:  # a damaged file shows as anything from zlib.error to tokenize.TokenError
+        reason = str(error).partition('. ')[0]  # what follows in numpy's message is advice to load unsafely
+        raise SceneError(f'{path}: not readable as {path.suffix} ({type(error).__name__}: {reason})') from error
     for name, values in columns.items():
         if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool):
             raise SceneError(f'{path}: {name}: expected numbers, got {values.dtype}')
@@ -155,7 +161,7 @@ def _named(table: np.ndarray, path: Path, names: str | None) -> dict[str, np.nda
     if table.ndim != 2:
         raise SceneError(f'{path}: shape {table.shape}; expected one row a point')
     rows, width = table.shape
-    if names is None and width not in COLUMNS and rows in COLUMNS:
+    if names is None and width >= _MANY and rows in COLUMNS:
         raise SceneError(f'{path}: shape {table.shape}; expected one row a point: save the transposed array (array.T)')
     if names is None:
         _tell_doubts(table, path)
@@ -211,10 +217,7 @@ def _bin(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 
 def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    try:
-        table = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise SceneError(f'{path}: not readable as .npy: {error}') from error
+    table = np.load(path, allow_pickle=False)
     if not isinstance(table, np.ndarray):
         raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
     if table.dtype.names:
@@ -223,11 +226,8 @@ def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 
 def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
-        raise SceneError(f'{path}: not readable as .npz: {error}') from error
+    with np.load(path, allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
     first = next((name for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in arrays), None)
     if first is None:
         raise SceneError(f'{path}: holds {sorted(arrays)}; expected xyz (N, 3), points (N, 3 or more), or x, y and z')

@@ -36,8 +36,10 @@ def float_width(data: bytes, name: str = '') -> int:
         return USUAL
     fitting = [width for width in RECORDS if len(data) % (4 * width) == 0 or width == USUAL]
     scatter = {width: _scatter(numbers, width) for width in fitting}
-    best = min(scatter, key=lambda width: scatter[width])
-    return best if scatter[best] < scatter[USUAL] - _CLEAR else USUAL
+    least = min(scatter.values())
+    if scatter[USUAL] < least + _CLEAR:
+        return USUAL
+    return min(width for width in fitting if scatter[width] < least + _CLEAR)  # twice 3 is as good as 3
 
 
 def _scatter(numbers: np.ndarray, width: int) -> float:
@@ -58,4 +60,6 @@ def check_float_width(data: bytes, width: int, path: Path) -> None:
             f'save the first {width} alone'
         )
     if len(data) % (4 * width):
-        raise SceneError(f'{path}: {len(data)} bytes are no multiple of {4 * width} ({width} float32 a point); cut off?')
+        raise SceneError(
+            f'{path}: {len(data)} bytes are no multiple of {4 * width} ({width} float32 a point); cut off?'
+        )

@@ -111,7 +111,9 @@ def _binary_rows(body: bytes, at: int, element: Element, path: Path) -> tuple[in
             return end, np.frombuffer(body, dtype=kind, count=rows, offset=at)
         raise SceneError(f'{path}: {len(body)} bytes after the header, expected at least {end}; cut off? copy it again')
     if rows > len(body) - at:  # each list takes a byte at least
-        raise SceneError(f'{path}: {len(body)} bytes after the header, fewer than {rows} {element.name}s; copy it again')
+        raise SceneError(
+            f'{path}: {len(body)} bytes after the header, fewer than {rows} {element.name}s; copy it again'
+        )
     layout = np.array([[p.kind.itemsize, p.count.itemsize if p.count else 0] for p in element.properties])
     out = np.zeros(rows * kind.itemsize, dtype=np.uint8)
     big = any(p.kind.byteorder == '>' or (p.count is not None and p.count.byteorder == '>') for p in element.properties)

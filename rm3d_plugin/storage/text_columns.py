@@ -70,9 +70,9 @@ def read_text_table(path: Path) -> TextTable:
 
 
 def find_layout(text: bytes) -> TextLayout:
-    """Look at the lines before the first row, and at the row itself.
+    r"""Look at the lines before the first row, and at the row itself.
 
-    >>> find_layout(b'//X;Y;Z;Scalar field\\n1;2;3;4\\n').names
+    >>> find_layout(b'//X;Y;Z;Scalar field\n1;2;3;4\n').names
     ['X', 'Y', 'Z', 'Scalar field']
     """
     names: list[str] = []

@@ -33,9 +33,7 @@ class BadTextError(SceneError):
         super().__init__(f'line {line}: {reason}: {content[:80].decode("ascii", errors="backslashreplace")!r}')
 
 
-def parse_table(
-    text: bytes, columns: int | None = None, separator: str = ''
-) -> Float[np.ndarray, 'rows columns']:
+def parse_table(text: bytes, columns: int | None = None, separator: str = '') -> Float[np.ndarray, 'rows columns']:
     r"""Rows of numbers, split by blanks, tabs, commas or semicolons.
 
     Empty lines, and lines that begin with ``#`` or ``//``, are passed over.
@@ -75,7 +73,9 @@ def parse_table(
             line = text[bad:].split(b'\n', 1)[0].strip()
             words = line.split(separator.encode()) if separator else line.translate(_COMMAS).split()
             two_in_one = len(words) == width
-            raise _bad_line(text, bad, 'two words in one cell' if two_in_one else f'{len(words)} numbers, expected {width}')
+            raise _bad_line(
+                text, bad, 'two words in one cell' if two_in_one else f'{len(words)} numbers, expected {width}'
+            )
     return out
 
 

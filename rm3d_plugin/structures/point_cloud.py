@@ -69,9 +69,9 @@ class PointCloud:
 
     @classmethod
     def from_world(cls, xyz: Float[np.ndarray, 'points 3'], **channels: np.ndarray) -> 'PointCloud':
-        """Build from float64 world coordinates: the rounded centre becomes the origin."""
+        """Build from float64 world coordinates: the rounded median becomes the origin."""
         world = np.asarray(xyz, dtype=np.float64)
-        origin = np.round(world.mean(axis=0)) if len(world) else np.zeros(3)
+        origin = np.round(np.median(world, axis=0)) if len(world) else np.zeros(3)
         return cls(xyz=(world - origin).astype(np.float32), origin=origin, **channels)
 
     def __len__(self) -> int:
