@@ -1,6 +1,7 @@
 """The arguments by which commands find their config."""
 
 import argparse
+from pathlib import Path
 
 from mmengine.config import Config, DictAction
 from mmengine.dist import barrier, is_main_process
@@ -9,6 +10,7 @@ from mmengine.registry import init_default_scope
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.run import DEMO_NOTE, set_threads
 from rm3d_plugin.registry import SCOPE
+from rm3d_plugin.storage.locks import waiting_lock
 
 
 def add_config_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,6 +54,8 @@ def _make_demo_data(config: Config) -> None:
         return
     try:
         print(DEMO_NOTE)
-        make_demo(config.data_root, **config.demo_data)
+        root = Path(config.data_root)
+        with waiting_lock(root.parent / f'.{root.name}.lock'):  # two runs may want the same data
+            make_demo(config.data_root, **config.demo_data)
     except ValueError as error:  # a folder that holds real data is left alone
         raise ConfigError(f'--demo: {error}') from error
