@@ -49,9 +49,7 @@ def check_whole(path: Path) -> None:
             f'{path}: not a checkpoint that loads safely ({type(error).__name__}: {error}); cut off or foreign'
         ) from error
     if damaged is not None:
-        raise ConfigError(
-            f'{path}: {damaged} does not fit its checksum: damaged; use an earlier checkpoint'
-        )
+        raise ConfigError(f'{path}: {damaged} does not fit its checksum: damaged; use an earlier checkpoint')
 
 
 def _is_sane(value: torch.Tensor) -> bool:

@@ -45,8 +45,8 @@ def choose_checkpoint(work_dir: Path, resume: bool, overwrite: bool) -> Path | N
     """The checkpoint to go on from; None: training starts from scratch.
 
     Raises:
-        ConfigError: There are checkpoints, but neither ``resume`` nor ``overwrite`` says what becomes of them; or labels
-            that are not known to be ours would be mistaken for those of this run.
+        ConfigError: There are checkpoints, but neither ``resume`` nor ``overwrite`` says what becomes of them; or
+            checkpoints or labels that are not known to be ours would be mistaken for those of this run.
     """
     checkpoint = latest_checkpoint(work_dir) if resume else None
     if checkpoint is not None:
@@ -54,14 +54,15 @@ def choose_checkpoint(work_dir: Path, resume: bool, overwrite: bool) -> Path | N
     if resume:
         print(f'--resume: there is no whole epoch_*.pth in {work_dir}; training starts from scratch')
     known = {work_dir / name for name in written_files(work_dir)}
-    if foreign := [path for path in work_dir.glob('labels/round_*/complete.json') if path not in known]:
+    found = sorted(work_dir.glob('epoch_*.pth'))
+    if foreign := [path for path in (*found, *work_dir.glob('labels/round_*/complete.json')) if path not in known]:
         raise ConfigError(
-            f'{foreign[0].parent}: labels that no run of this version wrote; name another --work-dir, or remove them'
+            f'{foreign[0]}: no run of this version wrote it, so it is not removed, but would be taken for one of this '
+            'run; name another --work-dir, or move it away'
         )
-    found = sorted(path.name for path in work_dir.glob('epoch_*.pth'))
     if found and not resume and not overwrite:
         raise ConfigError(
-            f'{work_dir}: holds {len(found)} checkpoints of a run ({found[-1]}); go on with --resume, replace it with '
+            f'{work_dir}: holds {len(found)} checkpoints of a run ({found[-1].name}); go on with --resume, replace it with '
             '--overwrite, or name another --work-dir'
         )
     return None

@@ -56,6 +56,9 @@ def test_a_manifest_leads_nowhere_else(tmp_path):
 def test_a_work_dir_with_checkpoints_is_refused_unless_told(tmp_path):
     assert choose_checkpoint(tmp_path, resume=False, overwrite=False) is None
     torch.save({'state_dict': {}}, tmp_path / 'epoch_4.pth')
+    with pytest.raises(ConfigError, match='epoch_4.pth: no run of this version wrote it'):
+        choose_checkpoint(tmp_path, resume=False, overwrite=True)
+    (tmp_path / MANIFEST).write_text('epoch_4.pth\n')
     with pytest.raises(ConfigError, match=r'holds 1 checkpoints of a run \(epoch_4.pth\); go on with --resume'):
         choose_checkpoint(tmp_path, resume=False, overwrite=False)
     assert choose_checkpoint(tmp_path, resume=False, overwrite=True) is None
