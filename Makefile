@@ -12,7 +12,7 @@ setup: $(STAMP)
 $(STAMP): setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet -c constraints.txt 'setuptools>=77.0.3,<82' wheel
-	$(BIN)/pip install --quiet -c constraints.txt --no-build-isolation -e '.[test,docs]'
+	$(BIN)/pip install --quiet -c constraints.txt --no-build-isolation -e '.[test,docs,las]'
 	touch $(STAMP)
 
 demo: $(STAMP)

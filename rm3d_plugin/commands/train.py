@@ -4,13 +4,7 @@ import argparse
 import os
 from collections.abc import Sequence
 
-from mmengine.dist import is_main_process
-
-from rm3d_plugin.commands.config_arguments import add_config_arguments, config_of
-from rm3d_plugin.engine.distributed import joined_processes
-from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record
-from rm3d_plugin.engine.run import DEMO_NOTE, train
-from rm3d_plugin.reporting.scores import result_table
+from rm3d_plugin.commands.config_arguments import add_config_arguments, check_config, config_of
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -24,6 +18,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args(arguments)
     os.environ.setdefault('LOCAL_RANK', str(args.local_rank))
+    check_config(args)
+
+    from mmengine.dist import is_main_process  # torch takes seconds; a wrong config is told before
+
+    from rm3d_plugin.engine.distributed import joined_processes
+    from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record
+    from rm3d_plugin.engine.run import DEMO_NOTE, train
+    from rm3d_plugin.reporting.scores import result_table
+
     with joined_processes(args.launcher):
         config = config_of(args)
         work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher, overwrite=args.overwrite)

@@ -25,6 +25,7 @@ from rm3d_plugin.ops import _parallel
 from rm3d_plugin.registry import DATASETS, TASK_UTILS
 from rm3d_plugin.storage import write_json
 from rm3d_plugin.storage.written_files import record_writes
+from rm3d_plugin.user_error import UserError
 
 DEMO_NOTE = 'Demo data: the scenes are synthetic, scanned by virtual sensors; scores say nothing of real scans.'
 
@@ -70,6 +71,7 @@ def train(
         os.environ.setdefault('CUBLAS_WORKSPACE_CONFIG', ':4096:8')  # without it products on a GPU vary between runs
         with config_errors(config):
             runner = Runner.from_cfg(config)
+            build_loops(runner)
         if is_main_process():
             take_over(work_dir, settings, clear=checkpoint is None)
         barrier()
@@ -93,15 +95,26 @@ def check_data(config: Config, *dataloaders: str) -> None:
 
 @contextmanager
 def config_errors(config: Config) -> Iterator[None]:
-    """Turn what a misspelt type or setting raises while parts are built into a :class:`ConfigError`."""
+    """Turn what a wrong type or setting raises while parts are built into a :class:`ConfigError`."""
     try:
         yield
-    except (TypeError, KeyError) as error:
-        text = str(error.args[0]) if error.args else ''
-        if 'unexpected keyword argument' in text or ' registry. Please check' in text:
-            what = text.partition('. Please check')[0]
-            raise ConfigError(f'{config.get("config_name", "config")}: {what}; correct the config or option') from error
+    except UserError:
         raise
+    except (TypeError, KeyError, ValueError, AssertionError, AttributeError) as error:
+        text = str(error.args[0]) if error.args else type(error).__name__
+        what = text.partition('. Please check')[0]
+        raise ConfigError(f'{config.get("config_name", "config")}: {what}; correct the config or option') from error
+
+
+def build_loops(runner: Runner) -> None:
+    """Build the loops and their dataloaders, which mmengine leaves until training: a wrong setting is told now.
+
+    Args:
+        runner: Whose ``train`` follows.
+    """
+    _ = runner.train_loop
+    if runner.cfg.get('val_dataloader') is not None:
+        _ = runner.val_loop
 
 
 def prepare(config: Config, jobs: int = 1) -> None:
@@ -126,6 +139,8 @@ def use_amp(config: Config) -> None:
     import torch
 
     if not torch.cuda.is_available():
+        import rm3d_plugin.engine.autocast  # noqa: F401  (registers it)
+
         config.optim_wrapper.type = 'CPUAutocastOptimWrapper'
         return
     config.optim_wrapper.type = 'AmpOptimWrapper'

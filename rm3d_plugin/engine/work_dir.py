@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from mmengine.dist import is_main_process
 from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
 from rm3d_plugin.storage import read_json, remove_unfinished, write_json
-from rm3d_plugin.storage.locks import FolderInUseError, folder_lock
+from rm3d_plugin.storage.locks import folder_lock
 from rm3d_plugin.storage.written_files import record_writes, remove_written, written_files
 
 SETTINGS = 'settings.json'
@@ -26,19 +26,13 @@ FREE_STARTS = ('val_', 'test_')
 
 @contextmanager
 def lock_work_dir(work_dir: Path) -> Iterator[None]:
-    """Keep other runs out of a work directory.
+    """Keep other runs out of a work directory; of several processes the main one holds the lock.
 
     Raises:
-        ConfigError: A run works there.
+        FolderInUseError: A run works there.
     """
-    if not is_main_process():
+    with folder_lock(work_dir) if is_main_process() else nullcontext():
         yield
-        return
-    try:
-        with folder_lock(work_dir):
-            yield
-    except FolderInUseError as error:
-        raise ConfigError(str(error)) from error
 
 
 def choose_checkpoint(work_dir: Path, resume: bool, overwrite: bool) -> Path | None:
@@ -52,7 +46,7 @@ def choose_checkpoint(work_dir: Path, resume: bool, overwrite: bool) -> Path | N
     if checkpoint is not None:
         return checkpoint
     if resume:
-        print(f'--resume: there is no whole epoch_*.pth in {work_dir}; training starts from scratch')
+        print(f'--resume: there is no epoch_*.pth in {work_dir}; training starts from scratch')
     known = {work_dir / name for name in written_files(work_dir)}
     found = sorted(work_dir.glob('epoch_*.pth'))
     if foreign := [path for path in (*found, *work_dir.glob('labels/round_*/complete.json')) if path not in known]:
@@ -62,8 +56,8 @@ def choose_checkpoint(work_dir: Path, resume: bool, overwrite: bool) -> Path | N
         )
     if found and not resume and not overwrite:
         raise ConfigError(
-            f'{work_dir}: holds {len(found)} checkpoints of a run ({found[-1].name}); go on with --resume, replace it with '
-            '--overwrite, or name another --work-dir'
+            f'{work_dir}: holds {len(found)} checkpoints of a run ({found[-1].name}); go on with --resume, replace it '
+            'with --overwrite, or name another --work-dir'
         )
     return None
 

@@ -7,10 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from rm3d_plugin.user_error import UserError
+
 LOCK = 'run.lock'
 
 
-class FolderInUseError(ValueError):
+class FolderInUseError(UserError):
     """Another process works in the folder; the message names it."""
 
 

@@ -21,11 +21,11 @@ _LZF_RATIO = 90  # at most 264 bytes from 3
 
 
 class PcdField(NamedTuple):
-    """``count`` numbers of one type in each point; their name."""
+    """``width`` numbers of one type in each point; their name."""
 
     name: str
     kind: np.dtype
-    count: int
+    width: int
 
     @property
     def is_padding(self) -> bool:
@@ -35,7 +35,7 @@ class PcdField(NamedTuple):
     @property
     def size(self) -> int:
         """Bytes a point."""
-        return self.kind.itemsize * self.count
+        return self.kind.itemsize * self.width
 
 
 class PcdHeader(NamedTuple):
@@ -73,7 +73,7 @@ def read_pcd(path: str | Path) -> dict[str, np.ndarray]:
     named: dict[str, np.ndarray] = {}
     for field, values in zip(header.fields, read(content[start:], header, path), strict=True):
         if not field.is_padding:
-            named |= {field.name: values[:, 0]} if field.count == 1 else _numbered(field.name, values)
+            named |= {field.name: values[:, 0]} if field.width == 1 else _numbered(field.name, values)
     for name in ('rgb', 'rgba'):
         if name in named:
             named |= _unpacked(named.pop(name))
@@ -141,7 +141,7 @@ def _header_of(entries: Mapping[str, list[str]], form: str) -> PcdHeader:
 
 
 def _ascii(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
-    ends = np.cumsum([field.count for field in header.fields]).tolist()
+    ends = np.cumsum([field.width for field in header.fields]).tolist()
     if ends[-1] > len(body):
         raise SceneError(f'{path}: {len(body)} bytes of points, but COUNT says {ends[-1]} numbers each; cut off?')
     try:
@@ -151,9 +151,9 @@ def _ascii(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
     if len(table) != header.rows:
         raise SceneError(f'{path}: {len(table)} points, the header says {header.rows}; cut off? copy it again')
     return [
-        table[:, end - field.count : end]
+        table[:, end - field.width : end]
         if field.is_padding
-        else cast_checked(table[:, end - field.count : end], field.kind, f'{path}: {field.name}')
+        else cast_checked(table[:, end - field.width : end], field.kind, f'{path}: {field.name}')
         for end, field in zip(ends, header.fields, strict=True)
     ]
 
@@ -185,7 +185,7 @@ def _compressed(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
     if _unpack_lzf(np.frombuffer(body, dtype=np.uint8, offset=8, count=packed), out) != size:
         raise SceneError(f'{path}: the compressed points are damaged; copy the file again')
     return [
-        out[end - field.size * header.rows : end].view(field.kind).reshape(header.rows, field.count)
+        out[end - field.size * header.rows : end].view(field.kind).reshape(header.rows, field.width)
         for end, field in zip(ends, header.fields, strict=True)
     ]
 

@@ -45,12 +45,12 @@ class Property(NamedTuple):
     Attributes:
         name: As in the file.
         kind: Type of the number, or of a list's items, with its byte order.
-        count: Type of the number that tells a list's length; None: no list.
+        length: Type of the number that tells a list's length; None: no list.
     """
 
     name: str
     kind: np.dtype
-    count: np.dtype | None = None
+    length: np.dtype | None = None
 
 
 class Element(NamedTuple):
@@ -63,12 +63,12 @@ class Element(NamedTuple):
     @property
     def kind(self) -> np.dtype:
         """A row without its lists, packed."""
-        return np.dtype([(p.name, p.kind) for p in self.properties if p.count is None])
+        return np.dtype([(p.name, p.kind) for p in self.properties if p.length is None])
 
     @property
     def has_lists(self) -> bool:
         """Whether rows may differ in length."""
-        return any(p.count is not None for p in self.properties)
+        return any(p.length is not None for p in self.properties)
 
 
 class PlyHeader(NamedTuple):
@@ -92,7 +92,7 @@ def read_ply(path: str | Path) -> dict[str, np.ndarray]:
         body = file.read()
     if header.form == 'ascii':
         return _ascii_vertices(body, header, path)
-    at, table = 0, np.zeros(0)
+    at, table = 0, np.zeros(0, dtype=header.elements[-1].kind)
     for element in header.elements:
         at, table = _binary_rows(body, at, element, path)
     return {name: _native(table[name]) for name in table.dtype.names or ()}
@@ -114,9 +114,11 @@ def _binary_rows(body: bytes, at: int, element: Element, path: Path) -> tuple[in
         raise SceneError(
             f'{path}: {len(body)} bytes after the header, fewer than {rows} {element.name}s; copy it again'
         )
-    layout = np.array([[p.kind.itemsize, p.count.itemsize if p.count else 0] for p in element.properties])
+    layout = np.array([[p.kind.itemsize, p.length.itemsize if p.length else 0] for p in element.properties])
     out = np.zeros(rows * kind.itemsize, dtype=np.uint8)
-    big = any(p.kind.byteorder == '>' or (p.count is not None and p.count.byteorder == '>') for p in element.properties)
+    big = any(
+        p.kind.byteorder == '>' or (p.length is not None and p.length.byteorder == '>') for p in element.properties
+    )
     end = _pack_rows(np.frombuffer(body, dtype=np.uint8), at, layout, rows, big, out)
     if end < 0:
         raise SceneError(f'{path}: the lists of element {element.name} run past the end of the file; copy it again')
@@ -211,7 +213,7 @@ def _checked_header(form: str, elements: list[tuple[str, int, list[list[str]]]],
     for name, _, properties in read:
         if len({p.name for p in properties}) != len(properties):
             raise SceneError(f'{path}: element {name} names a property twice')
-    if all(p.count is not None for p in read[-1].properties):
+    if all(p.length is not None for p in read[-1].properties):
         raise SceneError(f'{path}: element vertex has no numbers')
     return PlyHeader(form, read)
 
@@ -246,7 +248,7 @@ def _ascii_vertices(body: bytes, header: PlyHeader, path: Path) -> dict[str, np.
 def _without_lists(line: bytes, element: Element, path: Path) -> bytes:
     words, kept, at = line.split(), [], 0
     for part in element.properties:
-        if part.count is None:
+        if part.length is None:
             kept += words[at : at + 1]
             at += 1
         elif at < len(words) and words[at].isdigit():

@@ -23,14 +23,14 @@ class TextLayout(NamedTuple):
         names: Of the columns, from a header; '' = nameless, [] = there is no header.
         separator: Between two cells: ``;``, ``,`` or a tab; '' = blanks, or any of them.
         decimal_comma: ``1,5`` is one number.
-        count: Points that a line of its own announces, or None.
+        announced: Points that a line of its own announces, or None.
         start: Where the first row begins.
     """
 
     names: list[str]
     separator: str
     decimal_comma: bool
-    count: int | None
+    announced: int | None
     start: int
 
 
@@ -61,8 +61,10 @@ def read_text_table(path: Path) -> TextTable:
         raise SceneError(f'{path}, {error}; expected numbers, one point a line') from error
     if len(table) == 0:
         raise SceneError(f'{path}: holds no points')
-    if layout.count not in (None, len(table)):
-        raise SceneError(f'{path}: {len(table)} points, but a line announces {layout.count}; cut off? copy it again')
+    if layout.announced not in (None, len(table)):
+        raise SceneError(
+            f'{path}: {len(table)} points, but a line announces {layout.announced}; cut off? copy it again'
+        )
     if table.shape[1] == len(layout.names) + 1 or not layout.names:
         table = _without_empty_end(table)
     _check_header(path, layout, table.shape[1])

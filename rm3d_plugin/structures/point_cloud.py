@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.user_error import UserError
 
-class SceneError(ValueError):
+
+class SceneError(UserError):
     """Data that cannot be used; the message names the file or field, what was expected and what to do."""
 
 

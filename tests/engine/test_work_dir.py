@@ -17,7 +17,7 @@ from rm3d_plugin.engine.work_dir import (
     take_over,
 )
 from rm3d_plugin.storage.files import write_text
-from rm3d_plugin.storage.locks import LOCK
+from rm3d_plugin.storage.locks import LOCK, FolderInUseError
 from rm3d_plugin.storage.written_files import MANIFEST, written_files
 
 
@@ -75,7 +75,7 @@ def test_one_run_at_a_time(tmp_path):
     )
     with process:
         assert process.stdout.readline() == 'held\n'
-        with pytest.raises(ConfigError, match=f'process {process.pid} on .* works there'), lock_work_dir(tmp_path):
+        with pytest.raises(FolderInUseError, match=f'process {process.pid} on .* works there'), lock_work_dir(tmp_path):
             pass
         process.kill()
         process.wait()
