@@ -116,9 +116,7 @@ def _binary_rows(body: bytes, at: int, element: Element, path: Path) -> tuple[in
         )
     layout = np.array([[p.kind.itemsize, p.length.itemsize if p.length else 0] for p in element.properties])
     out = np.zeros(rows * kind.itemsize, dtype=np.uint8)
-    big = any(
-        p.kind.byteorder == '>' or (p.length is not None and p.length.byteorder == '>') for p in element.properties
-    )
+    big = any('>' in (p.kind.byteorder, p.length.byteorder if p.length else '') for p in element.properties)
     end = _pack_rows(np.frombuffer(body, dtype=np.uint8), at, layout, rows, big, out)
     if end < 0:
         raise SceneError(f'{path}: the lists of element {element.name} run past the end of the file; copy it again')

@@ -62,9 +62,7 @@ def read_text_table(path: Path) -> TextTable:
     if len(table) == 0:
         raise SceneError(f'{path}: holds no points')
     if layout.announced not in (None, len(table)):
-        raise SceneError(
-            f'{path}: {len(table)} points, but a line announces {layout.announced}; cut off? copy it again'
-        )
+        raise SceneError(f'{path}: {len(table)} points, but a line announces {layout.announced}; cut off?')
     if table.shape[1] == len(layout.names) + 1 or not layout.names:
         table = _without_empty_end(table)
     _check_header(path, layout, table.shape[1])

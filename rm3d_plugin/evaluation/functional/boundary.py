@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Integer
 
 from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.ops.segment import segment_majority
@@ -67,10 +67,10 @@ class BoundaryScores(NamedTuple):
 
 def boundary_scores(
     xyz: Float[np.ndarray, 'points 3'],
-    classes: Int[np.ndarray, ' points'],
-    regions: Int[np.ndarray, ' points'],
+    classes: Integer[np.ndarray, ' points'],
+    regions: Integer[np.ndarray, ' points'],
     num_classes: int,
-    objects: Int[np.ndarray, ' points'] | None = None,
+    objects: Integer[np.ndarray, ' points'] | None = None,
     neighbors: int = 5,
     tolerance: int = 1,
 ) -> BoundaryScores:
@@ -80,10 +80,10 @@ def boundary_scores(
 
 def boundary_counts(
     xyz: Float[np.ndarray, 'points 3'],
-    classes: Int[np.ndarray, ' points'],
-    regions: Int[np.ndarray, ' points'],
+    classes: Integer[np.ndarray, ' points'],
+    regions: Integer[np.ndarray, ' points'],
     num_classes: int,
-    objects: Int[np.ndarray, ' points'] | None = None,
+    objects: Integer[np.ndarray, ' points'] | None = None,
     neighbors: int = 5,
     tolerance: int = 1,
 ) -> BoundaryCounts:
@@ -93,7 +93,8 @@ def boundary_counts(
 
     Args:
         xyz: (N, 3) metres.
-        classes: True class 0..C-1 of each point, of any integer type; -1 and 255 are ignored: edges that touch them count nowhere.
+        classes: True class 0..C-1 of each point, of any integer type; -1 and 255 are ignored: edges that
+            touch them count nowhere.
         regions: Region of each point; -1 = discarded, which is never the correct class.
         num_classes: C.
         objects: True object of each point where known, -1 = none: the class's stuff, which is one object for each
