@@ -217,7 +217,8 @@ def _bin(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 
 def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    table = np.load(path, allow_pickle=False)
+    with path.open('rb') as file:
+        table = np.load(file, allow_pickle=False)
     if not isinstance(table, np.ndarray):
         raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
     if table.dtype.names:
@@ -226,7 +227,7 @@ def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 
 def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as archive:
+    with path.open('rb') as file, np.load(file, allow_pickle=False) as archive:  # numpy leaves a damaged one open
         arrays = {name: archive[name] for name in archive.files}
     first = next((name for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in arrays), None)
     if first is None:

@@ -19,6 +19,7 @@ NanPoints = Literal['error', 'drop']
 ColorRange = Literal['auto'] | float
 COLOR_RANGES = ('auto', 1, 255, 65535)
 Float3 = tuple[float, float, float]
+GREATEST = 3.2e38  # m; float32 has no room for more
 RAW_LIMIT = 2**53  # labels travel through float64 in text
 
 
@@ -127,7 +128,7 @@ def scan_of_columns(
     xyz = np.stack([parts[name] for name in 'xyz'], axis=1)
     if len(xyz) == 0:
         raise SceneError(f'{path}: holds no points')
-    finite = np.isfinite(xyz).all(axis=1)
+    finite = (np.abs(xyz) <= GREATEST).all(axis=1)  # NaN compares as False
     if not finite.all():
         _check_nan_points(path, finite, nan_points)
         xyz, parts = xyz[finite], {name: values[finite] for name, values in parts.items()}

@@ -132,7 +132,7 @@ def boundary_counts(
     )
 
 
-def _owners(classes: Int[np.ndarray, ' points'], objects: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
+def _owners(classes: Int[np.ndarray, ' points'], objects: Integer[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
     """A number from 0 for each object, and below 0 for what each class has beside objects."""
     number = np.unique(objects, return_inverse=True)[1].reshape(-1)
     return np.where(objects < 0, -1 - classes.astype(np.int64), number)
