@@ -4,13 +4,7 @@ import argparse
 import os
 from collections.abc import Sequence
 
-from mmengine.dist import is_main_process
-
-from rm3d_plugin.commands.config_arguments import add_config_arguments, config_of
-from rm3d_plugin.engine.distributed import joined_processes
-from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record
-from rm3d_plugin.engine.run import DEMO_NOTE, train
-from rm3d_plugin.reporting.scores import result_table
+from rm3d_plugin.commands.config_arguments import add_config_arguments, check_config, config_of
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -18,14 +12,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog='rm3d train', description=__doc__)
     add_config_arguments(parser)
     parser.add_argument('--resume', action='store_true', help='go on from the newest checkpoint of the work dir')
+    parser.add_argument('--overwrite', action='store_true', help='replace the run that the work dir holds')
     parser.add_argument('--amp', action='store_true', help='mixed precision: float16 on a GPU, bfloat16 on a CPU')
     parser.add_argument('--launcher', choices=['none', 'pytorch', 'slurm', 'mpi'], default='none')
     parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args(arguments)
     os.environ.setdefault('LOCAL_RANK', str(args.local_rank))
+    check_config(args)
+
+    from mmengine.dist import is_main_process  # torch takes seconds; a wrong config is told before
+
+    from rm3d_plugin.engine.distributed import joined_processes
+    from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record
+    from rm3d_plugin.engine.run import DEMO_NOTE, train
+    from rm3d_plugin.reporting.scores import result_table
+
     with joined_processes(args.launcher):
         config = config_of(args)
-        work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher)
+        work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher, overwrite=args.overwrite)
         main_process = is_main_process()
     if main_process:
         print(result_table(final_records(read_record(work_dir))))
