@@ -22,10 +22,7 @@ from rm3d_plugin.datasets.oakland_format import merge_ids as merge_oakland
 from rm3d_plugin.datasets.oakland_format import read_tile
 from rm3d_plugin.datasets.semantickitti_format import merge_ids, read_labels
 from rm3d_plugin.experiments.benchmarks.measure import machine
-from rm3d_plugin.pseudo_labels.propagation.channels import channel_groups
-from rm3d_plugin.pseudo_labels.propagation.neighborhoods import neighborhoods
-from rm3d_plugin.pseudo_labels.propagation.point_graph import smoothed
-from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
 from rm3d_plugin.structures import PointCloud
 
@@ -93,24 +90,9 @@ def stored(path: Path) -> Scan:
         return Scan(path.stem, PointCloud.from_world(file['xyz'], **channels), file['semantic'].astype(np.int64))
 
 
-def plain_walker(cloud: PointCloud) -> scipy.sparse.csr_array:
+def plain_walker(scene: PreparedCloud) -> scipy.sparse.csr_array:
     """Weights of a random walker with fixed scales: degrees, Lab units, curvature; a floor that needs no scan's own."""
-    near, channels = neighborhoods(cloud.xyz), channel_groups(cloud)
-    start, end = np.repeat(np.arange(len(cloud)), 12), near.nearest[:, 1:13].ravel()
-    cosine = np.abs((near.normal[start] * near.normal[end]).sum(axis=1)).clip(0, 1)
-    angle = 20.0 if cloud.colors is None else 7.0
-    local = 2.0 * np.maximum(near.distance[:, 6], 1e-3)
-    cost = (np.degrees(np.arccos(cosine)) / angle) ** 2 + (near.distance[:, 1:13] / local[:, None]).ravel() ** 2
-    if cloud.colors is None:
-        cost += ((near.shape[start, 5] - near.shape[end, 5]) / 0.03) ** 2
-    else:
-        lab = smoothed(channels[0], near.nearest)
-        cost += (np.linalg.norm(lab[start] - lab[end], axis=1) / 10.0) ** 2
-    if cloud.intensity is not None:
-        cost += ((cloud.intensity[start] - cloud.intensity[end]) / 0.1) ** 2
-    shape = (len(cloud), len(cloud))
-    directed = scipy.sparse.coo_array((np.exp(-cost) + 1e-4, (start, end)), shape=shape).tocsr()
-    return directed.maximum(directed.T).tocsr()
+    return scene.graphs[1].weights
 
 
 def walked(weights: scipy.sparse.csr_array, clicked: np.ndarray, classes: np.ndarray) -> np.ndarray:
@@ -133,7 +115,7 @@ def rows_of(scan: Scan, seeds: list[int], walker: bool) -> Iterator[tuple[str, l
     began = time.perf_counter()
     scene = prepare_cloud(scan.cloud)
     prepared = time.perf_counter() - began
-    weights = plain_walker(scan.cloud) if walker else None
+    weights = plain_walker(scene) if walker else None
     for seed in seeds:
         for budget in BUDGETS:
             clicked = draw_clicks(scan.semantic, budget, np.random.default_rng(seed))

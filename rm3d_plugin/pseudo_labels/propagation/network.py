@@ -6,12 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
-from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, WalkerRules
-from rm3d_plugin.pseudo_labels.propagation.solve import CoarseScene, Pull, coarse_scene, solve
+from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, Pull, at_points, coarse_graphs, solve
 
 POWERS = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # inverse temperatures that are tried
 STRENGTHS = (0.003, 0.01, 0.03, 0.1, 0.3)  # pulls that are tried, as shares of the usual degree of a point
@@ -51,37 +50,37 @@ def judge_network(
         unseen: Points that it was not taught.
         rules: The rest.
     """
-    asked = unseen[labels.nodes] & np.isfinite(network[labels.nodes]).all(axis=1)
+    asked = unseen[labels.points] & np.isfinite(network[labels.points]).all(axis=1)
     if not asked.any():
         return SILENT
-    points, classes, told = labels.nodes[asked], labels.classes[asked], labels.select(~asked)
-    if not len(told.nodes) and not len(told.others):
+    points, classes, told = labels.points[asked], labels.classes[asked], labels.select(~asked)
+    if not len(told.points) and not len(told.others):
         return SILENT
     weight = 1.0 / np.bincount(classes)[classes]
     weight /= weight.sum()
     power = max(POWERS, key=lambda each: _likelihood(_raised(network[points], each), classes, weight))
-    coarse = coarse_scene(scene, labels.nodes, rules.left_out_nodes)
-    node, own = coarse.coarse.node, strength_of(DEFAULT, told.classes, rules)
-    right = {}
+    graphs = coarse_graphs(scene, labels.points, rules.left_out_nodes)
+    own, right = strength_of(DEFAULT, told, rules), {}
     for strength in (0.0, *STRENGTHS):
-        pull = network_pull(coarse, network, NetworkSay(strength, power, 0))
-        said = solve(coarse, told.at(node), own, rules, pull).shares[node[points]]
+        pulls = network_pulls(graphs, network, NetworkSay(strength, power, 0))
+        said = at_points(graphs, solve(scene, graphs, told, own, rules, pulls))[points]
         right[strength] = (said.argmax(axis=1) == classes).astype(np.float64)
     return NetworkSay(_clearly_ahead(right, weight, rules.network_errors_apart), power, len(points))
 
 
-def network_pull(coarse: CoarseScene, network: Float[np.ndarray, 'points present'], say: NetworkSay) -> Pull | None:
-    """The pull towards the network at each node; None where it has no say."""
+def network_pulls(
+    graphs: list[CoarseGraph], network: Float[np.ndarray, 'points present'], say: NetworkSay
+) -> list[Pull] | None:
+    """The pull towards the network at the nodes of each graph; None where it has no say."""
     if not say.weight > 0:
         return None
     seen = np.isfinite(network).all(axis=1)
     raised = _raised(np.where(seen[:, None], network, 1.0), say.power) * seen[:, None]
-    mean = _sums(raised, coarse.coarse) / coarse.coarse.sizes[:, None]
-    return Pull(say.weight * coarse.usual_degree * mean.sum(axis=1), normalised(mean))
-
-
-def _sums(values: Float[np.ndarray, 'points columns'], coarse: Coarsening) -> Float[np.ndarray, 'nodes columns']:
-    return np.stack([np.bincount(coarse.node, column, len(coarse.sizes)) for column in values.T], axis=1)
+    means = [graph.mean(raised) for graph in graphs]
+    return [
+        Pull(say.weight * graph.usual_degree * mean.sum(axis=1), normalised(mean))
+        for graph, mean in zip(graphs, means, strict=True)
+    ]
 
 
 def _raised(shares: Float[np.ndarray, 'rows classes'], power: float) -> Float[np.ndarray, 'rows classes']:
