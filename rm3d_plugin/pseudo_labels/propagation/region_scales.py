@@ -49,7 +49,7 @@ def region_scales(graph: PointGraph, groups: Iterable[Float[np.ndarray, 'points 
             own.append(region_means(group, region, sizes).astype(np.float32))
     features = [np.concatenate(own, axis=1) for own in parts]
     return tuple(
-        RegionScale(region, sizes, each, scaling_of(each))
+        RegionScale(region, sizes, each, scaling_of(each if len(each) else np.zeros((1, each.shape[1]))))
         for (region, sizes), each in zip(partitions, features, strict=True)
     )
 

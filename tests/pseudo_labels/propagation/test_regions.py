@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from steps_scene import clicks, scene
@@ -16,7 +18,7 @@ def labels_of(semantic, each, prepared):
 def test_scales_are_nested_partitions_with_the_means_of_their_points():
     cloud, _ = scene()
     scales = prepare_cloud(cloud).scales
-    for finer, coarser in zip(scales, scales[1:]):
+    for finer, coarser in pairwise(scales):
         assert len(coarser.sizes) < len(finer.sizes)
         assert len(np.unique(np.stack([finer.region, coarser.region]), axis=1).T) == len(finer.sizes)
     for scale in scales:
