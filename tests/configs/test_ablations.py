@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from configs.leaves import ROOT
-from configs.test_segmentation_configs import build_label_maker, load, model_of
+from configs.test_segmentation_configs import build_label_maker, model_of
 from mmengine.config import DictAction
 from mmengine.registry import DefaultScope
 
