@@ -8,9 +8,9 @@ from mmengine.dist import is_main_process
 
 from rm3d_plugin.commands.config_arguments import add_config_arguments, config_of
 from rm3d_plugin.engine.distributed import joined_processes
-from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record
+from rm3d_plugin.engine.hooks.run_record_hook import final_records, last_summary, read_record
 from rm3d_plugin.engine.run import DEMO_NOTE, train
-from rm3d_plugin.reporting.scores import result_table
+from rm3d_plugin.reporting.scores import final_text
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -28,5 +28,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher)
         main_process = is_main_process()
     if main_process:
-        print(result_table(final_records(read_record(work_dir))))
+        record = read_record(work_dir)
+        print(final_text(final_records(record), last_summary(record)))
         print(f'{DEMO_NOTE}\n' * config.is_demo + f'report: {work_dir / "report.html"}')
