@@ -9,7 +9,6 @@ from rm3d_plugin.baselines import FULL_SUPERVISION, LABELLED_ONLY, Task
 from rm3d_plugin.experiments.render import FilledTable
 
 DEMO = ('--demo',)
-PAPER, OURS = 'RM3D as in the paper', 'RM3D'  # names of the two methods in every table
 BUDGETS = {
     '0p1pct': '0.1 % of the points',
     '0p2pct': '0.2 % of the points',
@@ -83,8 +82,7 @@ class Request:
         seeds: Of trained tables: one run a row and seed; the seed draws the label budget, too.
         jobs: Runs at the same time, one thread each; with 1 a run takes every core.
         options: ``KEY=VALUE``, config keys of every run; they win over those of a row.
-        data: Of measured tables: kinds of scenes; those that are not there are left out. Where runs
-            are trained on them, none: all.
+        data: Of measured tables: kinds of scenes; those that are not there are left out.
         scenes: Of each kind, at most.
         points: Of each scene, the so many nearest to its middle; None: all.
         seed: Of all that a measured table draws.
@@ -103,10 +101,6 @@ class Request:
     data_root: Path | None = None
     log: Callable[[str], None] = print
 
-    def wants(self, kind: str) -> bool:
-        """Whether a kind of scenes is asked for."""
-        return not self.data or kind in self.data
-
 
 @dataclass(frozen=True)
 class MeasuredTable:
@@ -115,13 +109,10 @@ class MeasuredTable:
     Attributes:
         title: One line.
         measure: Makes it; asked anew it may take up what it left in ``out``.
-        of_parts: It compares parts that make no labels, such as descriptors; every other table has a place for the
-            trivial answer, for RM3D as in the paper and for RM3D.
     """
 
     title: str
     measure: Callable[[Request], FilledTable]
-    of_parts: bool = False
 
 
 def method_rows(
@@ -146,8 +137,8 @@ def method_rows(
         alone = LABELLED_ONLY.config(task, data, budget)
         rows += [
             Row(f'{LABELLED_ONLY.row(task)} {shown}', alone, train=train),
-            Row(f'{PAPER} {shown}', leaf, {'strategy': 'paper'}, train),
-            Row(f'{OURS} {shown}', leaf, train=train),
+            Row(f'RM3D as in the paper {shown}', leaf, {'strategy': 'paper'}, train),
+            Row(f'RM3D {shown}', leaf, train=train),
         ]
     if full:
         rows.append(Row(full_row(task), FULL_SUPERVISION.config(task, data, ''), train=train))

@@ -1,99 +1,161 @@
 """Label propagation within one scan: a few labelled points of each class, scored on all others of the same scan."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int
+from mmengine.config import Config
+from mmengine.registry import init_default_scope
+from scipy.spatial import cKDTree
 
+from rm3d_plugin.baselines import LABELLED_ONLY
+from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.engine.run import config_errors
 from rm3d_plugin.evaluation.functional.semantic_iou import confusion_counts, semantic_scores
-from rm3d_plugin.experiments.benchmarks.propagate_clicks import plain_walker, walked
-from rm3d_plugin.experiments.kept import kept_rows
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
-from rm3d_plugin.experiments.runner import Commands, final_scores, run_folder, run_rows
-from rm3d_plugin.experiments.scores import label_source
-from rm3d_plugin.experiments.spec import OURS, PAPER, Request
-from rm3d_plugin.experiments.tables.real_scans import Scan, leaf_name, real_scans, scan_rows
-from rm3d_plugin.labeling import LabelSource
-from rm3d_plugin.pseudo_labels.propagation import propagate
-from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label
-from rm3d_plugin.storage import LabelStore
+from rm3d_plugin.experiments.run_commands import config_path, parse_options
+from rm3d_plugin.experiments.runner import Commands, final_scores, plan, run_rows
+from rm3d_plugin.experiments.scenes import real_root
+from rm3d_plugin.experiments.spec import Request, Row
+from rm3d_plugin.registry import DATASETS, SCOPE
+from rm3d_plugin.storage import LabelStore, write_text
 from rm3d_plugin.structures import UNLABELLED
 
+BUDGET = '20pts_class'  # at most so many points of a class
+SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
+OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
+SETTINGS = """
+    rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline crop_points
+    point_columns voxel_size widths blocks class_power oversegmenter batch_size tta_rotations superpoint_smoothing
+    logit_adjustment strategy merge propagation region_prior ground self_training
+""".split()  # of those that are about scans with few labels, not about a data set
+SCORED = [
+    {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'keep_labels': True},
+    {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'prefix': 'network'},
+]
 
-class UntrainedScores(NamedTuple):
-    """mIoU, percent, on the unlabelled points of one scan, of what trains nothing.
+
+@dataclass(frozen=True)
+class Scan:
+    """One real scan, and how a config comes to learn from it alone.
 
     Attributes:
-        nearest: Every point as the labelled point nearest to it.
-        walker: Plain random walker on the point graph.
-        label: What ``rm3d label`` writes.
+        name: Row of the table.
+        config: Name of a leaf that reads the data set.
+        options: Config keys that name the scan.
     """
 
-    nearest: float
-    walker: float
-    label: float
-
-
-class MethodScores(NamedTuple):
-    """mIoU, percent, on the unlabelled points of one scan, of what one strategy says.
-
-    Attributes:
-        first: Labels of round 0, which ask no network; points without one are wrong.
-        first_filled: The same, points without one as the nearest that has one.
-        network: The network at the end.
-        last: Labels of the last round; the network says what the other points are.
-        last_filled: The same labels, the others as the nearest point that has one.
-    """
-
-    first: float
-    first_filled: float
-    network: float
-    last: float
-    last_filled: float
+    name: str
+    config: str
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class PropagationScores:
-    """What is said of one scan.
+    """mIoU on the unlabelled points of one scan, percent.
 
     Attributes:
-        labelled_only: mIoU, percent, of a network that was trained on the labelled points alone.
-        untrained: Without training.
-        paper: RM3D as in the paper.
-        ours: RM3D.
+        labelled_only: Network trained on the labelled points alone.
+        nearest: Every point as the labelled point nearest to it.
+        regions: Regions of the labelled points, no network; what they do not reach is wrong.
+        regions_filled: The same, and what they do not reach as the nearest point that they reach.
+        paper: RM3D as in the paper: points with a label in the last round have it, the network says what the others
+            are.
+        network: Network trained by RM3D.
+        rm3d: RM3D: points with a label in the last round have it, the network says what the others are.
+        rm3d_filled: The same labels, and the others as the nearest point that has one.
     """
 
     labelled_only: float
-    untrained: UntrainedScores
-    paper: MethodScores
-    ours: MethodScores
+    nearest: float
+    regions: float
+    regions_filled: float
+    paper: float
+    network: float
+    rm3d: float
+    rm3d_filled: float
 
-    def sections(self) -> dict[str, dict[str, float]]:
-        """Section of the table -> key of a column -> mIoU."""
-        alone = {**self.untrained._asdict(), 'labelled_only': self.labelled_only}
-        return {TRIVIAL: alone, PAPER: self.paper._asdict(), OURS: self.ours._asdict()}
 
-
-TRIVIAL = 'Without pseudo labels of several rounds'
-UNTRAINED = {
-    'nearest': 'nearest labelled point',
-    'walker': 'plain random walker',
-    'label': '`rm3d label`, no training',
+COLUMNS = {
     'labelled_only': 'network on the labelled points alone',
+    'nearest': 'nearest labelled point',
+    'regions': 'regions, the rest wrong',
+    'regions_filled': 'regions, the rest as the nearest',
+    'paper': 'RM3D as in the paper',
+    'network': "RM3D's network",
+    'rm3d': "RM3D's labels, the rest by its network",
+    'rm3d_filled': "RM3D's labels, the rest as the nearest",
 }
-METHOD = {
-    'first': 'labels of round 0, the rest wrong',
-    'first_filled': 'labels of round 0, the rest as the nearest',
-    'network': 'network alone',
-    'last': 'labels, the rest by the network',
-    'last_filled': 'labels, the rest as the nearest',
-}
-COLUMNS = {TRIVIAL: UNTRAINED, PAPER: METHOD, OURS: METHOD}
-RECORDS = {TRIVIAL: '', PAPER: 'paper_', OURS: 'rm3d_'}  # before the keys of the columns
+
+
+def oakland_scans(root: Path) -> list[Scan]:
+    """Every Oakland tile of a folder."""
+    tiles = sorted(path.stem.removeprefix('oakland_') for path in root.glob('*.xyz_label_conf'))
+    common = {'data_root': str(root)}
+    return [
+        Scan(f'Oakland {tile}', 'rm3d_sem_oakland_1pct', common | {'train_tiles': [tile], 'val_tiles': [tile]})
+        for tile in tiles
+    ]
+
+
+def semantickitti_scans(root: Path, out: Path) -> list[Scan]:
+    """Every labelled SemanticKITTI scan of a folder, each copied into a data set of its own under ``out``."""
+    scans: list[Scan] = []
+    for labels in sorted(root.glob('sequences/*/labels/*.label')):
+        sequence, number = labels.parent.parent, labels.stem
+        alone = out / f'{sequence.name}_{number}'
+        for part, ending in (('velodyne', '.bin'), ('labels', '.label')):
+            target = alone / 'sequences' / f'{SEQUENCE:02d}' / part / f'{number}{ending}'
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(sequence / part / f'{number}{ending}', target)
+        options: dict[str, Any] = {'data_root': str(alone), 'train_sequences': [SEQUENCE], 'val_sequences': [SEQUENCE]}
+        if _has_remission(sequence / 'velodyne' / f'{number}.bin'):
+            options |= {'use_intensity': True, 'point_columns': ['intensity', 'shape', 'place']}
+        scans.append(Scan(f'SemanticKITTI {sequence.name}/{number}', 'rm3d_sem_semantickitti_few_1pct', options))
+    return scans
+
+
+def _has_remission(scan: Path) -> bool:
+    return bool(np.fromfile(scan, dtype='<f4')[3::4].any())
+
+
+def scan_rows(scan: Scan, folder: Path) -> dict[str, Row]:
+    """What is trained on one scan, by the column of its score; writes the config leaf into ``folder``."""
+    leaf = str(write_leaf(scan, folder))
+    return {
+        'labelled_only': Row(f'{scan.name}: labelled points alone', leaf, LABELLED_ONLY.options['sem'], ()),
+        'paper': Row(f'{scan.name}: RM3D as in the paper', leaf, {'strategy': 'paper'}, ()),
+        'rm3d': Row(f'{scan.name}: RM3D', leaf, train=()),
+    }
+
+
+def write_leaf(scan: Scan, folder: Path) -> Path:
+    """A config of one scan: the data set of its leaf, and how own scans are learnt.
+
+    Args:
+        scan: Which.
+        folder: Where ``NAME.py`` is written.
+    """
+    own = Config.fromfile(str(config_path(OWN_SCANS)))
+    keys = {name: _whole(own[name]) for name in SETTINGS}
+    keys |= {'budget': BUDGET, 'val_evaluator': SCORED, 'voxel_downsample': None, **scan.options}
+    plain = Config(keys).to_dict()
+    lines = [
+        f'# {scan.name} with the settings of {OWN_SCANS}; written by the table "propagation".',
+        f'_base_ = {str(config_path(scan.config).resolve())!r}',
+        *(f'{name} = {value!r}' for name, value in plain.items()),
+    ]
+    name = scan.name.replace(' ', '_').replace('/', '_').lower()
+    return write_text(folder / f'{name}.py', '\n'.join(lines) + '\n')
+
+
+def _whole(value: Any) -> Any:
+    """A dict takes the place of that of the leaf, instead of being merged into it."""
+    return {'_delete_': True, **value} if isinstance(value, Mapping) else value
 
 
 def score_scan(scan: Scan, request: Request) -> PropagationScores:
@@ -105,95 +167,53 @@ def score_scan(scan: Scan, request: Request) -> PropagationScores:
     """
     rows = scan_rows(scan, request.out / 'configs')
     scores = {name: final_scores(request.out, row, request.seed) for name, row in rows.items()}
-    folders = {name: run_folder(request.out, row, request.seed) for name, row in rows.items()}
-    source = label_source(folders['ours'])
-    (untrained,) = kept_rows(
-        request.out / 'measured' / f'{leaf_name(scan)}_seed{request.seed}.json',
-        {'scan': scan.name, 'seed': request.seed, 'points': sum(map(int, source.point_counts()))},
-        UntrainedScores,
-        lambda: [untrained_scores(source)],
-    )
+    (run,) = plan([rows['rm3d']], replace(request, seeds=(request.seed,)))
+    init_default_scope(SCOPE)
+    config = load_config(run.config, run.folder, options=parse_options({**run.options, 'seed': str(run.seed)}))
     return PropagationScores(
-        scores['labelled_only']['mIoU'],
-        untrained,
-        method_scores(source, folders['paper'], scores['paper']),
-        method_scores(source, folders['ours'], scores['ours']),
+        labelled_only=scores['labelled_only']['mIoU'],
+        paper=scores['paper']['mIoU'],
+        network=scores['rm3d']['network/mIoU'],
+        rm3d=scores['rm3d']['mIoU'],
+        **labels_alone(config, run.folder),
     )
 
 
-def untrained_scores(source: LabelSource) -> UntrainedScores:
-    """Scores of what trains nothing.
+def labels_alone(config: Any, work_dir: Path) -> dict[str, float]:
+    """Score (mIoU, percent) of labels where no network is asked in the end, by column of :class:`PropagationScores`.
 
     Args:
-        source: The scans, with the budget of a run.
+        config: Of a run whose scenes are scored.
+        work_dir: Its folder; round 0 of its labels is what regions alone say, the last is what all rounds say.
     """
-
-    def nearest(index: int) -> Int[np.ndarray, ' points']:
-        return filled(source.load_cloud(index).xyz, source.annotated_labels(index).semantic)
-
-    def walker(index: int) -> Int[np.ndarray, ' points']:
-        annotated = source.annotated_labels(index).semantic
-        clicked = np.flatnonzero(annotated >= 0)
-        return walked(plain_walker(source.load_cloud(index)), clicked, annotated[clicked])
-
-    def label(index: int) -> Int[np.ndarray, ' points']:
-        return propagate(
-            source.load_cloud(index), source.annotated_labels(index).semantic, len(source.classes)
-        ).semantic
-
-    return UntrainedScores(*(hidden_miou(source, said) for said in (nearest, walker, label)))
-
-
-def method_scores(source: LabelSource, work_dir: Path, final: Mapping[str, float]) -> MethodScores:
-    """Scores of the labels of a run and of its network.
-
-    Args:
-        source: The scans, with the budget of the run.
-        work_dir: Of the run.
-        final: Its final scores.
-    """
-    store = LabelStore(work_dir / 'labels')
-
-    def labels(number: int, index: int) -> Int[np.ndarray, ' points']:
-        return store.read(source.scene_ids[index], number).semantic
-
-    def whole(number: int, index: int) -> Int[np.ndarray, ' points']:
-        return filled(source.load_cloud(index).xyz, labels(number, index))
-
-    return MethodScores(
-        first=hidden_miou(source, partial(labels, 0)),
-        first_filled=hidden_miou(source, partial(whole, 0)),
-        network=final['network/mIoU'],
-        last=final['mIoU'],
-        last_filled=hidden_miou(source, partial(whole, store.rounds()[-1])),
-    )
+    with config_errors(config):
+        dataset = DATASETS.build({**config.val_dataloader.dataset, 'pipeline': []})
+    store, classes = LabelStore(work_dir / 'labels'), len(dataset.classes)
+    counts = {
+        name: np.zeros((classes, classes + 1), dtype=np.int64)
+        for name in ('nearest', 'regions', 'regions_filled', 'rm3d_filled')
+    }
+    for index, scene in enumerate(dataset.scene_ids):
+        labels, xyz = store.read(scene, 0), dataset.load_cloud(index).xyz
+        hidden = np.where(labels.point_is_annotated, UNLABELLED, dataset.load_truth(index).semantic)
+        said = {
+            'nearest': _nearest(xyz, np.where(labels.point_is_annotated, labels.semantic, UNLABELLED)),
+            'regions': labels.semantic,
+            'regions_filled': _nearest(xyz, labels.semantic),
+            'rm3d_filled': _nearest(xyz, store.read(scene, store.rounds()[-1]).semantic),
+        }
+        for name, rows in said.items():
+            counts[name] += confusion_counts(rows, hidden, classes)
+    return {name: 100 * float(semantic_scores(count).mean_iou) for name, count in counts.items()}
 
 
-def hidden_miou(source: LabelSource, said: Callable[[int], Int[np.ndarray, ' points']]) -> float:
-    """mIoU, percent, on the points that the budget does not show, over all scenes.
-
-    Args:
-        source: Scenes whose truth is known.
-        said: Class of each point of a scene, -1 = none, which is wrong.
-    """
-    classes = len(source.classes)
-    counts = np.zeros((classes, classes + 1), dtype=np.int64)
-    for index in range(len(source.scene_ids)):
-        truth = source.truth(index)
-        assert truth is not None and truth.semantic is not None, 'hidden_miou: these scans have labels'
-        hidden = np.where(source.annotated_labels(index).semantic >= 0, UNLABELLED, truth.semantic)
-        counts += confusion_counts(said(index), hidden, classes)
-    return 100 * float(semantic_scores(counts).mean_iou)
-
-
-def filled(xyz: np.ndarray, semantic: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
-    """Unlabelled points take the class of the nearest labelled one.
-
-    >>> filled(np.array([[0.0, 0, 0], [1, 0, 0], [4, 0, 0]]), np.array([2, -1, 5])).tolist()
-    [2, 2, 5]
-    """
-    known = np.flatnonzero(semantic >= 0)
-    return np.where(semantic >= 0, semantic, nearest_label(xyz, known, semantic[known]))
+def _nearest(xyz: np.ndarray, semantic: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
+    """Unlabelled points take the class of the nearest labelled one."""
+    known, rest = np.flatnonzero(semantic >= 0), np.flatnonzero(semantic < 0)
+    out = semantic.copy()
+    if len(known):
+        out[rest] = semantic[known[cKDTree(xyz[known]).query(xyz[rest])[1]]]
+    return out
 
 
 def propagation_table(request: Request, commands: Commands | None = None) -> FilledTable:
@@ -207,34 +227,29 @@ def propagation_table(request: Request, commands: Commands | None = None) -> Fil
     Raises:
         ConfigError: There are no real scans, or a run failed.
     """
-    scans = real_scans(request)
+    root = request.data_root or real_root()
+    scans = oakland_scans(root / 'oakland')[: request.scenes]
+    scans += semantickitti_scans(root / 'semantickitti', request.out / 'scans')[: request.scenes]
+    if not scans:
+        raise ConfigError(f'{root}: no oakland/*.xyz_label_conf, no semantickitti/sequences; name their folder')
     rows = [row for scan in scans for row in scan_rows(scan, request.out / 'configs').values()]
     run_rows(rows, replace(request, seeds=(request.seed,)), commands)
     return fill_propagation({scan.name: score_scan(scan, request) for scan in scans}, request.seed)
 
 
 def fill_propagation(scores: Mapping[str, PropagationScores], seed: int) -> FilledTable:
-    """A section a kind of answer; a row a scan, and their mean."""
-    found = {name: row.sections() for name, row in scores.items()}
-    sections = tuple(_section(title, {name: row[title] for name, row in found.items()}) for title in COLUMNS)
-    records = [
-        {f'{RECORDS[title]}{key}': value for title, cells in row.items() for key, value in cells.items()}
-        for row in found.values()
-    ]
+    """A row a scan, and their mean."""
+    found = {name: asdict(row) for name, row in scores.items()}
+    means = {name: float(np.mean([row[name] for row in found.values()])) for name in COLUMNS}
+    rows = tuple(
+        NamedRow(name, tuple(Cell(f'{row[column]:.1f}', (row[column],)) for column in COLUMNS))
+        for name, row in [*found.items(), ('mean', means)]
+    )
+    section = Section('', ('scan', *COLUMNS.values()), rows)
     return FilledTable(
         title=f'mIoU (%) on the unlabelled points of the same scan; at most 20 labelled points a class, seed {seed}',
         notes=(),
-        sections=sections,
-        records=tuple({'scan': name, 'seed': seed, **record} for name, record in zip(found, records, strict=True)),
-        figure=lambda: bar_figure(sections, len(METHOD), 'mIoU, percent'),
+        sections=(section,),
+        records=tuple({'scan': name, 'seed': seed, **row} for name, row in found.items()),
+        figure=lambda: bar_figure([section], len(COLUMNS), 'mIoU, percent'),
     )
-
-
-def _section(title: str, rows: Mapping[str, Mapping[str, float]]) -> Section:
-    heads = COLUMNS[title]
-    means = {key: float(np.mean([row[key] for row in rows.values()])) for key in heads}
-    cells = {
-        name: tuple(Cell(f'{row[key]:.1f}', (row[key],)) for key in heads)
-        for name, row in {**rows, 'mean': means}.items()
-    }
-    return Section(title, ('scan', *heads.values()), tuple(NamedRow(name, each) for name, each in cells.items()))
