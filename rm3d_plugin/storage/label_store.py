@@ -133,6 +133,11 @@ class LabelStore:
         self._need_complete(round)
         write_json(self._current_file, {'round': round})
 
+    def forget_rounds(self, first: int) -> None:
+        """Remove this round and all later ones: they are to be made again."""
+        for number in [number for number in self.rounds() if number >= first]:
+            self.begin_round(number, overwrite=True)
+
     # ------------------------------------------------------------------ reading
 
     def current_round(self) -> int | None:

@@ -28,13 +28,25 @@ class AtomicLocalBackend(LocalBackend):
         write_bytes(filepath, obj)
 
 
+def checkpoints(work_dir: str | Path) -> dict[int, Path]:
+    """Complete ``epoch_*.pth`` by their epoch, ascending."""
+    found = [path for path in Path(work_dir).glob('epoch_*.pth') if path.stem.split('_')[1].isdigit()]
+    return dict(sorted((int(path.stem.split('_')[1]), path) for path in found))
+
+
+def forget_checkpoints(work_dir: str | Path, after: int) -> None:
+    """Remove those of later epochs: they are to be trained again."""
+    for epoch, path in checkpoints(work_dir).items():
+        if epoch > after:
+            path.unlink()
+
+
 def latest_checkpoint(work_dir: str | Path) -> Path | None:
     """The complete ``epoch_*.pth`` of the highest epoch, or None.
 
     mmengine's ``last_checkpoint`` file is not read: a crash can leave it empty, a complete checkpoint cannot be.
     """
-    found = [path for path in Path(work_dir).glob('epoch_*.pth') if path.stem.split('_')[1].isdigit()]
-    return max(found, key=lambda path: int(path.stem.split('_')[1]), default=None)
+    return next(reversed(checkpoints(work_dir).values()), None)
 
 
 @HOOKS.register_module()

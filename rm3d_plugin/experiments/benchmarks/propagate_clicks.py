@@ -109,7 +109,9 @@ def plain_walker(cloud: PointCloud) -> scipy.sparse.csr_array:
     if cloud.intensity is not None:
         cost += ((cloud.intensity[start] - cloud.intensity[end]) / 0.1) ** 2
     shape = (len(cloud), len(cloud))
-    directed = scipy.sparse.coo_array((np.exp(-cost) + 1e-4, (start, end)), shape=shape).tocsr()
+    there = end >= 0  # a scan of fewer than 13 points has fewer neighbours
+    weight = np.exp(-cost[there]) + 1e-4
+    directed = scipy.sparse.coo_array((weight, (start[there], end[there])), shape=shape).tocsr()
     return directed.maximum(directed.T).tocsr()
 
 
