@@ -84,11 +84,11 @@ def test_what_needs_no_network_is_scored_on_hidden_points(tmp_path):
     paper.write(0, 'a', PseudoLabels(semantic, nobody, true, (semantic >= 0) * 1.0, Boxes3D.empty(), true[:0]))
     paper.finish_round(0)
     got = labels_alone(config, tmp_path / 'run', tmp_path / 'paper')
-    assert got['paper_filled'] == got['regions_filled']
+    assert got['paper_filled'] == got['paper_first'] == got['first_filled']
     assert all(0 <= got[name] <= 100 for name in ('walker', 'solver'))
     assert got['nearest'] == pytest.approx(100 * (4 / 5 + 3 / 4) / 2)  # 5 is nearer to 9: taken for a vehicle
-    assert got['regions'] == pytest.approx(100 * (4 / 5 + 0) / 2)
-    assert got['regions_filled'] == pytest.approx(100 * (5 / 6 + 2 / 3) / 2)  # 6 is nearer to 4 than to 9
+    assert got['first'] == pytest.approx(100 * (4 / 5 + 0) / 2)
+    assert got['first_filled'] == pytest.approx(100 * (5 / 6 + 2 / 3) / 2)  # 6 is nearer to 4 than to 9
     assert got['rm3d_filled'] == pytest.approx(100.0)
 
 
@@ -96,7 +96,7 @@ def test_a_row_a_scan_and_their_mean(tmp_path, monkeypatch):
     for name in ('a', 'b'):
         (tmp_path / 'oakland' / f'oakland_{name}.xyz_label_conf').parent.mkdir(exist_ok=True)
         (tmp_path / 'oakland' / f'oakland_{name}.xyz_label_conf').touch()
-    alone = {'nearest': 10.0, 'walker': 12.0, 'solver': 15.0, 'regions': 20.0, 'regions_filled': 30.0}
+    alone = {'nearest': 10.0, 'walker': 12.0, 'solver': 15.0, 'paper_first': 18.0, 'first': 20.0, 'first_filled': 30.0}
     alone |= {'paper_filled': 70.0, 'rm3d_filled': 80.0}
     monkeypatch.setattr(propagation, 'labels_alone', lambda config, folder, paper: alone)
     request = Request(tmp_path / 'out', seed=3, data_root=tmp_path, scenes=5, options=('threads=1',))
@@ -104,17 +104,22 @@ def test_a_row_a_scan_and_their_mean(tmp_path, monkeypatch):
     lines = to_markdown(table).splitlines()
     assert lines[0].endswith('at most 20 labelled points a class, seed 3')
     assert lines[-3:] == [
-        f'| {name} | 3.0 | 10.0 | 12.0 | 15.0 | 20.0 | 30.0 | 6.0 | 3.0 | 70.0 | 6.0 | 3.0 | 80.0 |'
+        f'| {name} | 3.0 | 10.0 | 12.0 | 15.0 | 18.0 | 6.0 | 3.0 | 70.0 | 20.0 | 30.0 | 6.0 | 3.0 | 80.0 |'
         for name in ('Oakland a', 'Oakland b', 'mean')
     ]
-    rows = [line for line in lines[4:] if line.startswith('|')][:9]
+    rows = [line for line in lines[4:] if line.startswith('|')][:10]
     assert rows[0] == '| method | network alone | labels, the rest by the network | labels, the rest as the nearest |'
     assert rows[2:5] == [
         '| nearest labelled point | - | - | 10.0 |',
         '| plain random walker | - | - | 12.0 |',
         '| rm3d label | - | - | 15.0 |',
     ]
-    assert rows[-2:] == ['| RM3D as in the paper | 6.0 | 3.0 | 70.0 |', '| RM3D | 6.0 | 3.0 | 80.0 |']
+    assert rows[-4:] == [
+        '| RM3D as in the paper, round 0 | - | - | 18.0 |',
+        '| RM3D as in the paper | 6.0 | 3.0 | 70.0 |',
+        '| RM3D, round 0 | - | - | 30.0 |',
+        '| RM3D | 6.0 | 3.0 | 80.0 |',
+    ]
     assert table.records[0] == {'scan': 'Oakland a', 'seed': 3, 'labelled_only': 3.0, **alone} | {
         'paper': 3.0, 'paper_network': 6.0, 'network': 6.0, 'rm3d': 3.0
     }  # fmt: skip

@@ -33,7 +33,7 @@ OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
 SETTINGS = """
     rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline crop_points
     point_columns voxel_size widths blocks class_power oversegmenter batch_size tta_rotations superpoint_smoothing
-    logit_adjustment strategy merge propagation region_prior ground self_training
+    logit_adjustment strategy walker random_walk merge propagation region_prior ground self_training
 """.split()  # of those that are about scans with few labels, not about a data set
 SCORED = [
     {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'keep_labels': True},
@@ -63,14 +63,16 @@ class PropagationScores:
     Attributes:
         labelled_only: Network trained on the labelled points alone.
         nearest: Every point as the labelled point nearest to it.
-        regions: Regions of the labelled points, no network; what they do not reach is wrong.
-        regions_filled: The same, and what they do not reach as the nearest point that they reach.
         walker: A plain random walker from the labelled points, with fixed scales.
         solver: What ``rm3d label`` writes: the propagation of the labelled points, no training.
+        paper_first: RM3D as in the paper before training: labels of round 0, the other points as the nearest that has
+            one.
         paper_network: Network trained by RM3D as in the paper.
         paper: RM3D as in the paper: points with a label in the last round have it, the network says what the others
             are.
         paper_filled: The same labels, and the others as the nearest point that has one.
+        first: RM3D before training: labels of round 0, points without one are wrong.
+        first_filled: The same labels, the other points as the nearest that has one.
         network: Network trained by RM3D.
         rm3d: RM3D: points with a label in the last round have it, the network says what the others are.
         rm3d_filled: The same labels, and the others as the nearest point that has one.
@@ -80,11 +82,12 @@ class PropagationScores:
     nearest: float
     walker: float
     solver: float
-    regions: float
-    regions_filled: float
+    paper_first: float
     paper_network: float
     paper: float
     paper_filled: float
+    first: float
+    first_filled: float
     network: float
     rm3d: float
     rm3d_filled: float
@@ -95,11 +98,12 @@ COLUMNS = {
     'nearest': 'nearest labelled point',
     'walker': 'plain random walker',
     'solver': 'rm3d label',
-    'regions': 'regions, the rest wrong',
-    'regions_filled': 'regions, the rest as the nearest',
+    'paper_first': "the paper's labels of round 0, the rest as the nearest",
     'paper_network': "the paper's network",
     'paper': "the paper's labels, the rest by its network",
     'paper_filled': "the paper's labels, the rest as the nearest",
+    'first': "RM3D's labels of round 0, the rest wrong",
+    'first_filled': "RM3D's labels of round 0, the rest as the nearest",
     'network': "RM3D's network",
     'rm3d': "RM3D's labels, the rest by its network",
     'rm3d_filled': "RM3D's labels, the rest as the nearest",
@@ -111,8 +115,9 @@ METHODS: dict[str, tuple[str | None, str | None, str | None]] = {
     'plain random walker': (None, None, 'walker'),
     'rm3d label': (None, None, 'solver'),
     'labelled points alone': ('labelled_only', None, None),
-    'regions of the labelled points': (None, None, 'regions_filled'),
+    'RM3D as in the paper, round 0': (None, None, 'paper_first'),
     'RM3D as in the paper': ('paper_network', 'paper', 'paper_filled'),
+    'RM3D, round 0': (None, None, 'first_filled'),
     'RM3D': ('network', 'rm3d', 'rm3d_filled'),
 }
 """Row -> columns of its network alone, of its labels filled by the network, and of labels of all points."""
@@ -212,7 +217,7 @@ def labels_alone(config: Any, work_dir: Path, paper: Path) -> dict[str, float]:
 
     Args:
         config: Of a run whose scenes are scored.
-        work_dir: Its folder; round 0 of its labels is what regions alone say, the last is what all rounds say.
+        work_dir: Its folder; round 0 of its labels asks no network, and only the last is told every annotated point.
         paper: Folder of the run with the paper's strategy.
     """
     with config_errors(config):
@@ -220,18 +225,19 @@ def labels_alone(config: Any, work_dir: Path, paper: Path) -> dict[str, float]:
     store, theirs, classes = LabelStore(work_dir / 'labels'), LabelStore(paper / 'labels'), len(dataset.classes)
     counts = {
         name: np.zeros((classes, classes + 1), dtype=np.int64)
-        for name in ('nearest', 'walker', 'solver', 'regions', 'regions_filled', 'paper_filled', 'rm3d_filled')
+        for name in ('nearest', 'walker', 'solver', 'paper_first', 'paper_filled', 'first', 'first_filled', 'rm3d_filled')
     }
     for index, scene in enumerate(dataset.scene_ids):
-        labels, cloud = store.read(scene, 0), dataset.load_cloud(index)
-        hidden = np.where(labels.point_is_annotated, UNLABELLED, dataset.load_truth(index).semantic)
-        annotated = np.where(labels.point_is_annotated, labels.semantic, UNLABELLED)
+        first, last, cloud = store.read(scene, 0), store.read(scene, store.rounds()[-1]), dataset.load_cloud(index)
+        hidden = np.where(last.point_is_annotated, UNLABELLED, dataset.load_truth(index).semantic)
+        annotated = np.where(last.point_is_annotated, last.semantic, UNLABELLED)
         said = {
             **without_training(cloud, annotated, classes),
-            'regions': labels.semantic,
-            'regions_filled': _nearest(cloud.xyz, labels.semantic),
+            'paper_first': _nearest(cloud.xyz, theirs.read(scene, 0).semantic),
             'paper_filled': _nearest(cloud.xyz, theirs.read(scene, theirs.rounds()[-1]).semantic),
-            'rm3d_filled': _nearest(cloud.xyz, store.read(scene, store.rounds()[-1]).semantic),
+            'first': first.semantic,
+            'first_filled': _nearest(cloud.xyz, first.semantic),
+            'rm3d_filled': _nearest(cloud.xyz, last.semantic),
         }
         for name, rows in said.items():
             counts[name] += confusion_counts(rows, hidden, classes)
