@@ -104,12 +104,13 @@ task = (
     'semantic'  # 'instances': offsets to their middles and masks are learnt, and clusters of shifted points predicted
 )
 tasks = dict(
-    semantic=dict(head=None, offset_loss=None, dice_loss=None, metrics=[dict(type='SemSegMetric')]),
+    semantic=dict(head=None, offset_loss=None, dice_loss=None, metrics=[dict(type='SemSegMetric')], spread=False),
     instances=dict(
         head='${point_group}',
         offset_loss='${instance_offsets}',
         dice_loss='${instance_dice}',
         metrics=[dict(type='SemSegMetric'), dict(type='${instance_metric}')],
+        spread=True,
     ),
 )
 val_evaluator = '${tasks.${task}.metrics}'
@@ -192,7 +193,9 @@ graph_neighbors = 8
 max_gap = 0.1  # m between adjacent regions
 propagate = True  # False: training sees the annotated points alone
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it
-walker = dict()  # labels spread by a random walk: walker.accept=.7 for purer ones; None: regions merge by the rules below
+walker = (
+    dict()
+)  # labels spread by a random walk: walker.accept=.7 for purer ones; None: regions merge by the rules below
 random_walk = dict()
 merge = dict(rounds='${label_refreshes}', centre_distance=0.3)
 propagation = dict(max_color=0.45, max_extent=3.0, new_instances=False)
@@ -217,6 +220,7 @@ label_maker = dict(
     merge='${merge}',
     walker='${walker}',
     random_walk='${random_walk}',
+    instances='${tasks.${task}.spread}',
     propagation='${propagation}',
     region_prior='${region_prior}',
     ground='${ground}',

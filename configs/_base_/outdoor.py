@@ -178,6 +178,10 @@ graph_neighbors = 8
 max_gap = 0.6  # m between adjacent regions
 propagate = True  # False: training sees the annotated points alone
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it
+walker = (
+    dict()
+)  # labels spread by a random walk: walker.accept=.7 for purer ones; None: regions merge by the rules below
+random_walk = dict()
 merge = dict(rounds='${label_refreshes}', centre_distance=1.0)
 propagation = dict(max_extent=3.0)
 region_prior = dict(
@@ -202,6 +206,8 @@ label_maker = dict(
     propagate='${propagate}',
     seed='${budget_seed}',
     strategy='${strategy}',
+    walker='${walker}',
+    random_walk='${random_walk}',
     merge='${merge}',
     propagation='${propagation}',
     region_prior='${region_prior}',

@@ -23,6 +23,7 @@ def point_label_maker(
     strategy: Strategy = 'default',
     walker: Mapping[str, Any] | None = None,
     random_walk: Mapping[str, Any] | None = None,
+    instances: bool = False,
     **settings: Any,
 ) -> LabelMaker:
     """The label maker of a segmentation config.
@@ -37,6 +38,7 @@ def point_label_maker(
             (:class:`WalkerLabelMaker`), unless the strategy is the paper's. None: regions merge by the rules of
             ``settings``.
         random_walk: Fields of :class:`~rm3d_plugin.pseudo_labels.propagation.WalkerRules`.
+        instances: Whether the walk carries instances, too; merged regions always do.
         settings: Further arguments of :class:`SegmentationLabelMaker`.
     """
     if not propagate:
@@ -45,4 +47,4 @@ def point_label_maker(
         return SegmentationLabelMaker(store, source, strategy, **settings)
     rounds, seed = int((settings.get('merge') or {}).get('rounds') or 1), settings.get('seed', 0)
     geometry = {name: settings[name] for name in GEOMETRY if name in settings}
-    return WalkerLabelMaker(store, source, rounds, walker, random_walk, seed, **geometry)
+    return WalkerLabelMaker(store, source, rounds, walker, random_walk, instances, seed, **geometry)

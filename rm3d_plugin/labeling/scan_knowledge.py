@@ -8,8 +8,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from tqdm import tqdm
 
-from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud, WalkerRules, examples_of
-from rm3d_plugin.pseudo_labels.propagation.checked import CheckedLabels, check_labels, sharpness_of
+from rm3d_plugin.pseudo_labels.propagation import Beside, Estimate, PreparedCloud, WalkerRules, examples_of
+from rm3d_plugin.pseudo_labels.propagation.checked import (
+    CheckedLabels,
+    check_labels,
+    estimate_across,
+    joined,
+    sharpness_of,
+)
+from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated
 
 LabelledScan = tuple[PreparedCloud, Int[np.ndarray, ' points']]
 
@@ -59,17 +66,28 @@ class ScanKnowledge:
         return np.asarray(np.sum(counts, axis=0) > 0)
 
     @cached_property
-    def checked(self) -> list[CheckedLabels]:
-        """What was said of labels of each scan that were left out."""
-        return [
-            check_labels(*labelled, self._classes, self._rules, self.beside(scene))
-            for scene, labelled in self._scans('leaving labels out')
-        ]
+    def checked(self) -> CheckedLabels:
+        """What was said of labels that were left out, of all scans."""
+        return joined(
+            [
+                check_labels(*labelled, self._classes, self._rules, self.beside(scene))
+                for scene, labelled in self._scans('leaving labels out')
+            ]
+        )
 
     @cached_property
     def sharpness(self) -> float:
         """Power of the probabilities by which answers are right as often as they say."""
         return sharpness_of(self.checked)
+
+    def estimate(self, shares: Sequence[Float[np.ndarray, 'points classes']]) -> Estimate | None:
+        """Of the mean IoU of answers over all scans, from the labels that were left out.
+
+        Args:
+            shares: Probabilities of points without a label, as sharp as :attr:`sharpness` makes them, of each scan.
+        """
+        as_left_out = calibrated(np.concatenate(list(shares)), 1.0 / self.sharpness)
+        return estimate_across(as_left_out, self.checked, self._rules.draws, np.random.default_rng(self._seed))
 
     @cached_property
     def judges(self) -> dict[str, Int[np.ndarray, ' judging']]:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.labeling.annotated import AnnotatedLabelMaker, annotated_only, evaluate_points
+from rm3d_plugin.labeling.annotated import annotated_only, evaluate_points
 from rm3d_plugin.labeling.knowledge import DatasetKnowledge
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes

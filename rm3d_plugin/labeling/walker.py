@@ -7,21 +7,23 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
 from rm3d_plugin.labeling.annotated import annotated_only, evaluate_points
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
-from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.labeling.scan_knowledge import LabelledScan, ScanKnowledge
+from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
+from rm3d_plugin.pseudo_labels.common.kernel_classifier import evenly_chosen
 from rm3d_plugin.pseudo_labels.propagation import (
     PreparedCloud,
     WalkerRules,
     prepare_cloud,
     propagate_prepared,
 )
+from rm3d_plugin.pseudo_labels.propagation.instances import spread_instances
 from rm3d_plugin.pseudo_labels.propagation.network import Trial, judge_network, trial_of
 from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
 from rm3d_plugin.pseudo_labels.propagation.rules import SILENT, NetworkSay
@@ -31,6 +33,7 @@ from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PointCl
 from rm3d_plugin.structures.check_field import check_field
 
 SCANS_IN_MEMORY = 1024  # MB of prepared scans
+SAMPLE = 1 << 12  # points of each scan that the estimate is made from
 JUDGING_SCANS = 32  # whose predictions are held at once, in each process, to judge the network
 
 
@@ -67,6 +70,7 @@ class WalkerLabelMaker(LabelMaker):
         rounds: Sets of labels in the whole run; the last is made from all labels, those that judged among them.
         walker: Fields of :class:`WalkerLabelRules`.
         random_walk: Fields of :class:`~rm3d_plugin.pseudo_labels.propagation.WalkerRules`.
+        instances: Whether instances spread, too.
         seed: Of the draw of the labels that judge.
         geometry: Arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`, of regions for reports.
     """
@@ -80,15 +84,17 @@ class WalkerLabelMaker(LabelMaker):
         rounds: int = 1,
         walker: Mapping[str, Any] | None = None,
         random_walk: Mapping[str, Any] | None = None,
+        instances: bool = False,
         seed: int = 0,
         **geometry: Any,
     ) -> None:
         super().__init__(store, source)
         self.rules, self.walk = WalkerLabelRules(**(walker or {})), WalkerRules(**(random_walk or {}))
-        self._rounds, self._seed = rounds, seed
+        self._rounds, self._objects, self._seed = rounds, instances, seed
         self._regions = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._scans: RecentItems[PreparedCloud] = RecentItems(SCANS_IN_MEMORY, _nbytes)
         self._say = SILENT
+        self._samples: list[Float[np.ndarray, 'points classes']] = []
         self.forget()
 
     def _cloud(self, scene_id: str) -> PointCloud:
@@ -121,13 +127,20 @@ class WalkerLabelMaker(LabelMaker):
         return without(annotated, self.known.judges[scene_id])
 
     def _labelled(self, scene_id: str) -> LabelledScan:
-        return self.scan(scene_id), self.annotated(scene_id).semantic
+        annotated = self.annotated(scene_id)
+        semantic = few_of_each(annotated.semantic, self.walk.examples) if annotated.complete else annotated.semantic
+        return self.scan(scene_id), semantic
 
     def statistics(self) -> LabelStatistics:
         """How often each class is annotated."""
         return LabelStatistics(self.source.point_counts())
 
     # ------------------------------------------------------------------ labels
+
+    def begin(self, number: int) -> None:
+        """Forget the answers of the round before."""
+        super().begin(number)
+        self._samples = []
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Spread the labels of a scene; the network takes part as it was judged."""
@@ -141,15 +154,24 @@ class WalkerLabelMaker(LabelMaker):
         found = propagate_prepared(self.scan(scene_id), annotated.semantic, classes, self.walk, beside)
         known = annotated.semantic >= 0
         sure = known | (found.confidence >= self.rules.accept)
+        self._samples.append(found.probabilities[~known][:: -(-len(known) // SAMPLE)])
+        semantic = np.where(sure, found.semantic, UNLABELLED)
         labels = PseudoLabels(
-            semantic=np.where(sure, found.semantic, UNLABELLED),
-            instance=annotated.instance,
+            semantic=semantic,
+            instance=self._instances(scene_id, semantic, annotated) if self._objects else annotated.instance,
             point_is_annotated=known,
             confidence=np.where(sure, found.confidence, 0.0).astype(np.float32),
             boxes=Boxes3D.empty(),
             box_is_annotated=np.zeros(0, dtype=bool),
         )
         return SceneLabels(labels)
+
+    def _instances(
+        self, scene_id: str, semantic: Int[np.ndarray, ' points'], annotated: AnnotatedLabels
+    ) -> Int[np.ndarray, ' points']:
+        thing = np.isin(semantic, np.asarray(self.source.thing_classes, dtype=np.int64))
+        found = spread_instances(self.scan(scene_id), semantic, np.where(thing, annotated.instance, UNLABELLED))
+        return np.where(annotated.semantic >= 0, annotated.instance, np.where(thing, found, UNLABELLED))
 
     def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
         """Labels that the network was not taught judge it, in the first scenes of each process."""
@@ -176,8 +198,15 @@ class WalkerLabelMaker(LabelMaker):
             log(f'labels of round {number}: {heard(self._say)}')
 
     def evaluate(self, number: int) -> dict[str, Any]:
-        """Coverage and precision of each class, and how far the centres of instances are off."""
-        return evaluate_points(self, number)
+        """See :func:`evaluate_points`; and ``estimate``, what left-out labels tell of the mean IoU (None: too few)."""
+        return evaluate_points(self, number) | {'estimate': self._estimate()}
+
+    def _estimate(self) -> dict[str, float] | None:
+        """Of the answers of this process since the round began, percent."""
+        found = self.known.estimate(self._samples) if self._samples else None
+        if found is None:
+            return None
+        return {'miou': found.miou, 'low': found.low, 'high': found.high, 'clicks': found.labels}
 
     def regions(self, scene_id: str) -> Regions | None:
         """Regions of the scan, made for reports alone; None for a scene of which everything is annotated."""
@@ -202,6 +231,15 @@ def without(annotated: AnnotatedLabels, points: Int[np.ndarray, ' points']) -> A
     semantic, instance = annotated.semantic.copy(), annotated.instance.copy()
     semantic[points], instance[points] = UNLABELLED, UNLABELLED
     return replace(annotated, semantic=semantic, instance=instance)
+
+
+def few_of_each(semantic: Int[np.ndarray, ' points'], most: int) -> Int[np.ndarray, ' points']:
+    """At most so many labels of each class, spread evenly over the points; -1 elsewhere."""
+    known = np.flatnonzero(semantic >= 0)
+    kept = known[evenly_chosen(semantic[known], most)]
+    out = np.full(len(semantic), UNLABELLED, dtype=np.int64)
+    out[kept] = semantic[kept]
+    return out
 
 
 def _nbytes(scene: PreparedCloud) -> int:

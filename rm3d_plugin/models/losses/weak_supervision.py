@@ -27,7 +27,8 @@ class WeakSupervision(LossTerm):
         power: How much more: weight of a class = count^-power. 0.5: inverse square root; larger: rarer classes gain.
         pseudo_weight: Weight of a label that the budget did not show, against 1 of an annotated one; smaller: trusts
             pseudo labels less.
-        confidence_power: Weight of a label = its confidence ^ this; 0: all labels alike; larger: unsure labels teach less.
+        confidence_power: Weight of a label = its confidence ^ this; 0: all labels alike; larger: unsure ones teach
+            less.
         annotated_share: In (0, 1): share of L_WSL that the mean over annotated labels has, however few they are; that
             over pseudo labels has the rest. Larger: trusts pseudo labels less. None: all labels are averaged together.
     """
