@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from experiments.fake_commands import command
 
+from rm3d_plugin.datasets.base import Truth
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments.render import to_markdown
 from rm3d_plugin.experiments.runner import Commands, run_folder
 from rm3d_plugin.experiments.spec import Request
+from rm3d_plugin.experiments.tables import pseudo_label_rounds
 from rm3d_plugin.experiments.tables.propagation import oakland_scans, scan_rows
 from rm3d_plugin.experiments.tables.pseudo_label_rounds import (
     pseudo_label_table,
@@ -15,8 +17,10 @@ from rm3d_plugin.experiments.tables.pseudo_label_rounds import (
     real_scans,
     synthetic_rows,
 )
+from rm3d_plugin.labeling import LabelSource
+from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.storage import LabelStore
-from rm3d_plugin.structures import Boxes3D, PseudoLabels
+from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels
 
 FAKE = Commands(lambda config: command('train', config))
 NOBODY = np.full(3, -1)
@@ -39,6 +43,27 @@ def asked(tmp_path, **more):
     return Request(tmp_path / 'out', seed=3, data_root=tmp_path, scenes=5, options=('threads=1',), **more)
 
 
+class Line(LabelSource):
+    """Seven points a metre apart, the first and the last are labelled: 1, 2 and 3 are called as the first."""
+
+    classes, scene_ids = ('ground', 'car'), ('line',)
+
+    def load_cloud(self, index):
+        return PointCloud(np.arange(7.0)[:, None] * [1, 0, 0])
+
+    def annotated_labels(self, index):
+        semantic = np.array([0, -1, -1, -1, -1, -1, 1])
+        return AnnotatedLabels(semantic, np.full(7, -1), Boxes3D.empty())
+
+    def truth(self, index):
+        return Truth(Boxes3D.empty(), semantic=np.array([0, 0, 1, 1, 0, 1, 1]))
+
+
+@pytest.fixture(autouse=True)
+def source(monkeypatch):
+    monkeypatch.setattr(pseudo_label_rounds, 'label_source', lambda folder: Line())
+
+
 @pytest.fixture
 def tiles(tmp_path):
     (tmp_path / 'oakland').mkdir()
@@ -56,13 +81,20 @@ def test_real_scans_have_a_row_a_round_and_their_mean_comes_first(tmp_path):
     assert [section.title for section in table.sections] == ['Mean of the real scans', 'Oakland a', 'Oakland b']
     lines = to_markdown(table).splitlines()
     assert lines[4] == (
-        '| round | RM3D as in the paper: coverage | RM3D as in the paper: precision '
+        '| round | nearest labelled point: coverage | nearest labelled point: precision '
+        '| RM3D as in the paper: coverage | RM3D as in the paper: precision '
         '| RM3D: coverage | RM3D: precision |'
     )
-    assert lines[6:8] == ['| 0 | 50.0 | 50.0 | 75.0 | 75.0 |', '| 1 | 75.0 | 50.0 | 87.5 | 68.8 |']
-    assert lines[-2:] == ['| 0 | 75.0 | - | 100.0 | 50.0 |', '| 1 | 100.0 | 25.0 | 100.0 | 50.0 |']
+    assert lines[6:8] == [
+        '| 0 | 100.0 | 40.0 | 50.0 | 50.0 | 75.0 | 75.0 |',
+        '| 1 | - | - | 75.0 | 50.0 | 87.5 | 68.8 |',
+    ]
+    assert lines[-2:] == [
+        '| 0 | 100.0 | 40.0 | 75.0 | - | 100.0 | 50.0 |',
+        '| 1 | - | - | 100.0 | 25.0 | 100.0 | 50.0 |',
+    ]
     assert table.records[1] == {
-        'seed': 3, 'data': 'Oakland a', 'strategy': 'paper', 'round': 1, 'coverage': 50.0, 'precision': 75.0
+        'seed': 3, 'data': 'Oakland a', 'method': 'paper', 'round': 1, 'coverage': 50.0, 'precision': 75.0
     }  # fmt: skip
     assert table.figure().startswith(b'\x89PNG')
     begun = (request.out / 'begun.txt').read_text().splitlines()

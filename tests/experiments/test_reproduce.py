@@ -15,7 +15,7 @@ from rm3d_plugin.experiments.runner import Commands, run_folder
 from rm3d_plugin.experiments.scores import fill_table
 from rm3d_plugin.experiments.spec import Request, Row, Table, method_rows
 from rm3d_plugin.experiments.tables.propagation import COLUMNS, METHODS
-from rm3d_plugin.experiments.tables.pseudo_label_rounds import STRATEGIES
+from rm3d_plugin.experiments.tables.pseudo_label_rounds import METHODS as ROUND_METHODS
 
 FEW, ALL = Row('few', 'few_cfg'), Row('all', 'all_cfg')
 TABLE = Table('a title', (FEW, ALL), {'Car': 'car', 'mean': 'mean'}, reference='all')
@@ -76,7 +76,7 @@ def test_measured_tables_of_labels_have_both_strategies_and_what_is_trivial():
     assert set(TABLES) - LABELLED == {'descriptors-overseg', 'robustness-card'}
     assert {'nearest labelled point', 'labelled points alone', 'RM3D as in the paper', 'RM3D'} <= set(METHODS)
     assert {'labelled_only', 'nearest', 'paper', 'rm3d'} <= set(COLUMNS)
-    assert STRATEGIES == {'paper': 'RM3D as in the paper', 'rm3d': 'RM3D'}
+    assert list(ROUND_METHODS.values()) == ['nearest labelled point', 'RM3D as in the paper', 'RM3D']
 
 
 def test_what_became_of_the_labels_stands_beside_the_scores(tmp_path):

@@ -223,10 +223,7 @@ def labels_alone(config: Any, work_dir: Path, paper: Path) -> dict[str, float]:
     with config_errors(config):
         dataset = DATASETS.build({**config.val_dataloader.dataset, 'pipeline': []})
     store, theirs, classes = LabelStore(work_dir / 'labels'), LabelStore(paper / 'labels'), len(dataset.classes)
-    counts = {
-        name: np.zeros((classes, classes + 1), dtype=np.int64)
-        for name in ('nearest', 'walker', 'solver', 'paper_first', 'paper_filled', 'first', 'first_filled', 'rm3d_filled')
-    }
+    counts: dict[str, np.ndarray] = {}
     for index, scene in enumerate(dataset.scene_ids):
         first, last, cloud = store.read(scene, 0), store.read(scene, store.rounds()[-1]), dataset.load_cloud(index)
         hidden = np.where(last.point_is_annotated, UNLABELLED, dataset.load_truth(index).semantic)
@@ -240,7 +237,7 @@ def labels_alone(config: Any, work_dir: Path, paper: Path) -> dict[str, float]:
             'rm3d_filled': _nearest(cloud.xyz, last.semantic),
         }
         for name, rows in said.items():
-            counts[name] += confusion_counts(rows, hidden, classes)
+            counts[name] = counts.get(name, 0) + confusion_counts(rows, hidden, classes)
     return {name: 100 * float(semantic_scores(count).mean_iou) for name, count in counts.items()}
 
 
