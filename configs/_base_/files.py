@@ -9,8 +9,7 @@ columns = None  # which column plays which part, where names do not tell
 label_map = None  # raw label -> class, where the scans have labels
 other_labels = 'error'
 intensity_range = None  # what the intensity is divided by
-val_labels = 'store'  # the score tells how far the network agrees with its labels; 'truth' where the scans have labels
-score_name = 'agreement'  # None with val_labels='truth'
+val_labels = 'store'  # nothing is scored, the labels are estimated from clicks; 'truth' where the scans have labels
 reading = dict(
     classes='${class_names}',
     columns='${columns}',
@@ -23,7 +22,7 @@ train_dataloader = dict(dataset=reading)
 label_dataloader = dict(dataset=reading)
 val_dataloader = dict(dataset=dict(**reading, labels='${val_labels}', label_store='${work_dir}/labels'))
 del reading
-val_evaluator = [dict(type='SemSegMetric', prefix='${score_name}')]
+val_evaluator = [dict(type='SemSegMetric', labels='${val_labels}')]
 # Labels propagate within one scan (or a few): a step sees it whole, and the network is told where in it a point lies, since it
 # is this very scan that is asked for and near points are often alike. `place` stands for a point whatever way the scan is turned.
 crop_points = 1000000  # larger scans are learnt and predicted in parts

@@ -46,7 +46,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         '--labels',
         type=Path,
         metavar='WORK_DIR/labels',
-        help="of the checkpoint's own run, for scans that it learnt from: their labels stay, the network says the rest",
+        help="of the checkpoint's own run, for scans that it learnt from: points with a label there keep it",
+    )
+    points.add_argument(
+        '--fill', choices=['network', 'nearest'], help='with --labels: what names the other points; default nearest'
     )
     args = parser.parse_args(arguments)
     options = PointOptions(
@@ -60,6 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         intensity_range=None if args.intensity_range is None else tuple(args.intensity_range),
         nan_points='drop' if args.drop_nan else 'error',
         labels=args.labels,
+        fill=args.fill,
     )
     for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
         print(path)

@@ -13,6 +13,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add_config_arguments(parser)
     parser.add_argument('--resume', action='store_true', help='go on from the newest checkpoint of the work dir')
     parser.add_argument('--overwrite', action='store_true', help='replace the run that the work dir holds')
+    parser.add_argument(
+        '--add-clicks',
+        action='store_true',
+        help='with --resume: go on with clicks that were added to their file; the last round is made again with them',
+    )
     parser.add_argument('--amp', action='store_true', help='mixed precision: float16 on a GPU, bfloat16 on a CPU')
     parser.add_argument('--launcher', choices=['none', 'pytorch', 'slurm', 'mpi'], default='none')
     parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
@@ -23,14 +28,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from mmengine.dist import is_main_process  # torch takes seconds; a wrong config is told before
 
     from rm3d_plugin.engine.distributed import joined_processes
-    from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record
+    from rm3d_plugin.engine.hooks.run_record_hook import final_records, last_summary, read_record
     from rm3d_plugin.engine.run import DEMO_NOTE, train
-    from rm3d_plugin.reporting.scores import result_table
+    from rm3d_plugin.reporting.scores import final_text
 
     with joined_processes(args.launcher):
         config = config_of(args)
-        work_dir = train(config, resume=args.resume, amp=args.amp, launcher=args.launcher, overwrite=args.overwrite)
+        work_dir = train(config, args.resume, args.amp, args.launcher, args.overwrite, args.add_clicks)
         main_process = is_main_process()
     if main_process:
-        print(result_table(final_records(read_record(work_dir))))
+        record = read_record(work_dir)
+        print(final_text(final_records(record), last_summary(record)))
         print(f'{DEMO_NOTE}\n' * config.is_demo + f'report: {work_dir / "report.html"}')

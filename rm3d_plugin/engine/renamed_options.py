@@ -23,6 +23,7 @@ RENAMED: dict[str, str] = {
     'model.semantic_head.true_share': 'annotated_share',
     'drops': '',
     'restarts': '',
+    'score_name': 'val_labels',
     'point_group.offset_loss': 'instance_offsets',
     'point_group.min_instance_points': 'instance_offsets.min_points',
     'gamma': 'region_prior.gamma',
@@ -77,6 +78,7 @@ RENAMED: dict[str, str] = {
 """Old dotted key -> new one; '' where the option is gone."""
 
 HINTS: dict[str, str] = {
+    'score_name': "it alone tells what is scored: 'truth', or 'store': agreement, which is no accuracy",
     'drops': "param_scheduler='${step_schedule}' with milestones of your own",
     'restarts': "param_scheduler='${step_schedule}' with milestones of your own",
     'strategy.use_color': 'merge.without=[color]',

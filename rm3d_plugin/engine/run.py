@@ -13,6 +13,7 @@ from mmengine.runner import Runner
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.distributed import use_launcher
+from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints
 from rm3d_plugin.engine.work_dir import (
     check_same_settings,
     choose_checkpoint,
@@ -36,7 +37,12 @@ def set_threads(count: int) -> None:
 
 
 def train(
-    config: Config, resume: bool = False, amp: bool = False, launcher: str = 'none', overwrite: bool = False
+    config: Config,
+    resume: bool = False,
+    amp: bool = False,
+    launcher: str = 'none',
+    overwrite: bool = False,
+    add_clicks: bool = False,
 ) -> Path:
     """Train by a resolved config; returns the work directory.
 
@@ -49,11 +55,15 @@ def train(
         amp: Mixed precision.
         launcher: Of several processes.
         overwrite: The work directory may hold the checkpoints of another run, which are removed.
+        add_clicks: With ``resume``, go on with clicks that were added to the budget's file: from the newest checkpoint
+            at which a round of labels begins, which is made again with all clicks.
 
     Raises:
         SceneError, ConfigError: Data or config cannot be used, the work directory is in use or holds a run, or
             ``resume`` is asked for with another config.
     """
+    if add_clicks and not resume:
+        raise ConfigError('--add-clicks: goes with --resume; a run that starts reads all clicks anyway')
     if launcher != 'none':
         use_launcher(config, launcher)
     if amp:
@@ -65,6 +75,7 @@ def train(
         settings = plain_settings(config)
         if checkpoint is not None:
             check_same_settings(work_dir, settings)
+            checkpoint = prepare_to_add_clicks(config, work_dir) if add_clicks else checkpoint
             read_checkpoint(checkpoint)  # refuses weights that make no sense
             config.resume, config.load_from = True, str(checkpoint)
         barrier()
@@ -78,6 +89,37 @@ def train(
         record_writes(work_dir)
         runner.train()
     return work_dir
+
+
+def prepare_to_add_clicks(config: Config, work_dir: Path) -> Path:
+    """Tell the label source that clicks may be added; the newest checkpoint at which a round of labels begins.
+
+    Raises:
+        ConfigError: There is no such checkpoint.
+    """
+    (hook,) = label_hooks(config, 'no labels are made')
+    hook.label_maker.source.add_clicks = True
+    begin = hook.interval * hook.get('warm_up_rounds', 1)
+    starts = range(begin, begin + hook.interval * (hook.rounds - 1), hook.interval)
+    found = [path for epoch, path in checkpoints(work_dir).items() if epoch in starts]
+    if not found:
+        raise ConfigError(
+            f'--add-clicks: {work_dir} has no checkpoint of an epoch at which a round of labels begins '
+            f'({", ".join(map(str, starts))}); checkpoint_interval={hook.interval} keeps them. Start without --resume'
+        )
+    return found[-1]
+
+
+def label_hooks(config: Config, so_that: str) -> list[Any]:
+    """Configs of the hooks that make labels.
+
+    Raises:
+        ConfigError: There are none.
+    """
+    hooks = [hook for hook in config.custom_hooks if hook.type.endswith('RegionMergeHook')]
+    if not hooks:
+        raise ConfigError(f'{config.config_name}: no RegionMergeHook among custom_hooks, so {so_that}')
+    return hooks
 
 
 def check_data(config: Config, *dataloaders: str) -> None:
@@ -123,11 +165,7 @@ def prepare(config: Config, jobs: int = 1) -> None:
     Raises:
         ConfigError: The config has no hook that makes labels.
     """
-    hooks = [hook for hook in config.custom_hooks if hook.type.endswith('RegionMergeHook')]
-    if not hooks:
-        raise ConfigError(
-            f'{config.config_name}: no RegionMergeHook among custom_hooks, so there is nothing to prepare'
-        )
+    hooks = label_hooks(config, 'there is nothing to prepare')
     check_data(config, 'label_dataloader')
     with config_errors(config):
         label_maker = TASK_UTILS.build(hooks[0].label_maker)

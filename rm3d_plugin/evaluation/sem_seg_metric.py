@@ -1,7 +1,7 @@
 """Mean intersection over union of point classes as an mmengine metric."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from mmengine.logging import print_log
@@ -26,6 +26,9 @@ from rm3d_plugin.evaluation.point_fields import (
 from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
 
+Labels = Literal['truth', 'store']
+AGREEMENT = 'agreement with its own pseudo labels, not accuracy'
+
 
 @METRICS.register_module()
 class SemSegMetric(RecordedMetric):
@@ -40,6 +43,9 @@ class SemSegMetric(RecordedMetric):
         ignored: True values that do not count.
         absent: 'skip' or 'zero' for a class that is predicted, but has no truth.
         accuracy_over: 'known', or 'predicted' as SemanticKITTI's program.
+        labels: What ``pts_semantic_mask`` holds, as the data set has it: 'truth', or 'store': pseudo labels of the run
+            itself. Against these nothing is scored; the one number is the share of labelled points on which the
+            network agrees with them.
         collect_device: See mmengine.
         prefix: Put before every name, with a slash.
     """
@@ -50,6 +56,7 @@ class SemSegMetric(RecordedMetric):
         ignored: Sequence[int] = IGNORED,
         absent: Absent = 'skip',
         accuracy_over: AccuracyOver = 'known',
+        labels: Labels = 'truth',
         collect_device: str = 'cpu',
         prefix: str | None = None,
     ) -> None:
@@ -57,6 +64,9 @@ class SemSegMetric(RecordedMetric):
         self.classes, self.ignored = classes, tuple(ignored)
         self.absent: Absent = absent
         self.accuracy_over: AccuracyOver = accuracy_over
+        if labels not in get_args(Labels):
+            raise ValueError(f'SemSegMetric.labels: expected one of {", ".join(get_args(Labels))}, got {labels!r}')
+        self.labels: Labels = labels
 
     def process(self, data_batch: Any, data_samples: Sequence[Any]) -> None:
         """Count every scene of a batch."""
@@ -76,6 +86,9 @@ class SemSegMetric(RecordedMetric):
         names = class_names(self.classes, self.dataset_meta, 'SemSegMetric')
         zero = np.zeros((len(names), len(names) + 1), dtype=np.int64)
         scores = semantic_scores(sum(results, zero), self.absent, self.accuracy_over)
+        if self.labels == 'store':
+            print_log(f'The network: {percent(scores.accuracy)} % {AGREEMENT}', logger='current')
+            return [share('agreement_not_accuracy', scores.accuracy, 'agreement', AGREEMENT)]
         print_log('Classes of points (%)\n' + format_scores(scores, names), logger='current')
         each = zip(names, scores.iou, strict=True)
         return [

@@ -5,9 +5,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
 from rm3d_plugin.experiments.runner import final_scores, run_folder, seeds_of
 from rm3d_plugin.experiments.spec import Request, Row, Table
+from rm3d_plugin.labeling import LabelSource
+from rm3d_plugin.reporting.replay import source_of_run
 from rm3d_plugin.storage import LabelStore
 
 COVERAGE, PRECISION = 'points with a label', 'pseudo labels right'
@@ -48,6 +51,22 @@ def label_shares(folder: Path) -> LabelShares:
     summary = store.summary(store.rounds()[-1])
     precision = summary['precision']
     return LabelShares(100 * summary['coverage'], None if precision is None else 100 * precision)
+
+
+def label_source(folder: Path) -> LabelSource:
+    """Scenes and truth of a run, with the budget that it learnt from.
+
+    Args:
+        folder: Its work directory.
+
+    Raises:
+        ConfigError: The data are gone, or the folder holds no run.
+    """
+    source, reason = source_of_run(folder / 'labels')
+    if source is None:
+        raise ConfigError(f'{folder}: the truth of its scenes is not there: {reason}')
+    source.open(folder / 'labels', resume=True)
+    return source
 
 
 def mean_and_range(values: Sequence[float]) -> Cell:

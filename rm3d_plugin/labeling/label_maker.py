@@ -99,6 +99,10 @@ class LabelMaker(ABC):
         log(self.source.describe())
         self.prepare()
 
+    def follow(self) -> None:
+        """Take up the budget that the main process has opened; in all other processes."""
+        self.source.open(self.store.root, resume=True)
+
     def make_first_labels(self) -> None:
         """Write the labels of round 0, which ask no network."""
         self.begin(0)

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
+from mmengine.dist import is_main_process
 from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import Truth
@@ -23,6 +24,7 @@ from rm3d_plugin.label_budgets import (
     save_point_budget,
 )
 from rm3d_plugin.label_budgets.clicks import TOLERANCE
+from rm3d_plugin.label_budgets.edited_clicks import added_clicks, describe_added
 from rm3d_plugin.labeling.sources import DatasetSource
 from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.registry import TASK_UTILS
@@ -42,6 +44,8 @@ class PointBudgetSource(DatasetSource):
         seed: Seed of the draw.
         click_tolerance: Metres between a clicked place and the nearest point; larger: more is forgiven. None: 0.05 m,
             and where the data set thins its points the diagonal of a voxel more.
+        add_clicks: A resumed run goes on with clicks that were added to its file: the next round of labels is made with
+            them. False: added clicks are an error that tells them.
     """
 
     def __init__(
@@ -50,6 +54,7 @@ class PointBudgetSource(DatasetSource):
         budget: str | Mapping[str, Any] = '0p2pct',
         seed: int = 0,
         click_tolerance: float | None = None,
+        add_clicks: bool = False,
     ) -> None:
         super().__init__(dataset)
         self.thing_classes = tuple(self.dataset.thing_classes)
@@ -57,7 +62,13 @@ class PointBudgetSource(DatasetSource):
         self._seed = seed
         voxel = self.dataset.voxel_downsample or 0.0
         self._tolerance = TOLERANCE + 3**0.5 * voxel if click_tolerance is None else click_tolerance
+        if add_clicks and self._amount.clicks is None:
+            raise BudgetError(f'add_clicks: the label budget is no file of clicks, but {self._amount}')
+        self._add_clicks = add_clicks
         self._budget: PointBudget | None = None
+        self._grown: PointBudget | None = None  # with the clicks that were added, until a round is made with them
+        self._file: Path | None = None
+        self._told = ''
         self._index = {scene: index for index, scene in enumerate(self.scene_ids)}
         self._sizes: dict[int, int] = {}
 
@@ -115,19 +126,47 @@ class PointBudgetSource(DatasetSource):
         return rows
 
     def describe(self) -> str:
-        """The budget's summary."""
-        return self.budget.summary(self.classes)
+        """The budget's summary, after what was added to it."""
+        return self._told + self.budget.summary(self.classes)
 
     def open(self, folder: Path, resume: bool) -> None:
         """Write ``budget.json`` and ``budget.npz``, or read them.
 
         Raises:
-            BudgetError: What is kept there is not the budget that is asked for.
+            BudgetError: What is kept there is not the budget that is asked for, or the file of clicks was edited.
         """
+        self._file = folder / 'budget.json'
         if resume:
-            self._budget = self._checked(load_point_budget(folder / 'budget.json'), folder)
+            self._budget = self._checked(load_point_budget(self._file), folder)
+            self._grown = None if self._amount.clicks is None else self._with_added(self._budget, self._amount.clicks)
         else:
-            save_point_budget(folder / 'budget.json', self.budget)
+            save_point_budget(self._file, self.budget)
+
+    @property
+    def grown(self) -> bool:
+        """Whether clicks were added to the file."""
+        return self._grown is not None
+
+    def extend(self, number: int, scores: Mapping[str, Float[np.ndarray, ' points']]) -> None:
+        """Show the clicks that were added."""
+        assert self._grown is not None and self._file is not None, 'extend: no click was added'
+        self._budget, self._grown = self._grown, None
+        if is_main_process():
+            save_point_budget(self._file, self._budget)
+
+    def _with_added(self, kept: PointBudget, path: str) -> PointBudget | None:
+        """The budget of the file as it is now; None where it is the one that was kept."""
+        now = self._make()
+        added = added_clicks(kept, now, path, self.classes)
+        if not added:
+            if self._add_clicks:
+                raise BudgetError(f'{path}: no click was added since the run read it; resume without --add-clicks')
+            return None
+        told = f'{path}: clicks were added: {describe_added(added, self.classes)}'
+        if not self._add_clicks:
+            raise BudgetError(f'{told}; go on with them by --resume --add-clicks, or take them out of the file')
+        self._told = f'{told}; the next round of labels is made with them\n'
+        return now
 
     def _make(self) -> PointBudget:
         bar = tqdm(total=len(self.scene_ids), desc='the label budget', leave=False)

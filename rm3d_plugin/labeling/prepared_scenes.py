@@ -49,8 +49,13 @@ class PreparedScenes:
         """Regions and graph of a scene; not to be written to."""
         return self._recent.get_or_make(scene_id, lambda: self._read(scene_id))
 
+    def forget(self) -> None:
+        """Regions may start from other points now."""
+        self._keys.clear()
+        self._recent.clear()
+
     def _read(self, scene_id: str) -> PreparedScene:
-        if scene_id not in self._keys:  # it stays as it is for the whole run
+        if scene_id not in self._keys:  # it stays as it is until the budget grows
             self._keys[scene_id] = self._geometry.key(self._cloud_of(scene_id), self._seeds_of(scene_id), scene_id)
         return self._geometry.prepared(
             self._keys[scene_id], lambda: self._cloud_of(scene_id), lambda: self._seeds_of(scene_id), scene_id

@@ -14,6 +14,7 @@ from rm3d_plugin.evaluation.functional.pseudo_label_counts import (
 )
 from rm3d_plugin.evaluation.functional.pseudo_label_scores import PseudoLabelScores, pseudo_label_scores
 from rm3d_plugin.structures import PseudoLabels
+from rm3d_plugin.structures.label_estimate import estimate_text, has_estimate
 
 MATCH_IOU = 0.25  # overlap from above from which a pseudo box counts as correct
 BACKGROUND = 'background'
@@ -130,6 +131,8 @@ def describe_round(summary: dict[str, Any]) -> str:
         parts[0] += f', precision {100 * summary["precision"]:.1f} %'
     if summary['offset_error'] is not None:
         parts[0] += f', offset error {summary["offset_error"]:.2f} m'
+    if has_estimate(summary):
+        parts.insert(0, estimate_text(summary))
     for name, row in summary['points'].items():
         precision = '' if row['precision'] is None else f' ({100 * row["precision"]:.0f} % correct)'
         parts.append(f'{name} {row["pseudo"]} points{precision}')

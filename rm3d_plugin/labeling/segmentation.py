@@ -103,7 +103,8 @@ class SegmentationLabelMaker(LabelMaker):
         return self.scenes.prepare(self.index_of, jobs)
 
     def forget(self) -> None:
-        """Statistics and counts are made anew."""
+        """Statistics, counts and regions that start from annotated points are made anew."""
+        self.scenes.forget()
         scene_ids, classes = list(self.index_of), len(self.source.classes)
         self.known = DatasetKnowledge(scene_ids, self.scenes, self.annotated, self.rules, classes)
         self._class_counts: Int[np.ndarray, ' classes'] | None = None

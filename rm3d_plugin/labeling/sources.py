@@ -63,9 +63,14 @@ class LabelSource(ABC):
         """What is annotated, in one or a few lines."""
         return f'{len(self.scene_ids)} scenes'
 
+    @property
+    def grown(self) -> bool:
+        """Whether more is annotated than the rounds on disk know: :meth:`extend` takes it up before the next one."""
+        return False
+
     def extends(self, number: int) -> bool:
         """Whether more is to be annotated before the labels of a round (from 1) are made; costs one more prediction."""
-        return False
+        return self.grown
 
     def extend(self, number: int, scores: Mapping[str, Float[np.ndarray, ' points']]) -> None:  # noqa: B027
         """Annotate more, as in active learning, and keep it where :meth:`open` said.

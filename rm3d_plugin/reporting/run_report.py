@@ -18,6 +18,7 @@ from rm3d_plugin.reporting.scores import (
 )
 from rm3d_plugin.storage import LabelStore, read_json
 from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels, Regions
+from rm3d_plugin.structures.label_estimate import estimate_text, has_estimate
 from rm3d_plugin.visualization import (
     BudgetSummary,
     MergeReport,
@@ -79,11 +80,13 @@ def run_report(
     rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
     charts = [loss_chart(record['losses']), score_chart(score_records(record)), *label_charts(rounds)]
     final = final_records(record)
+    told = rounds and (has_estimate(rounds[-1]) or any(record.table == 'agreement' for record in final))
+    estimate = {'pseudo labels': estimate_text(rounds[-1])} if told else {}
     facts = {'epochs': len(record['losses']), 'label rounds': len(rounds), 'work dir': Path(config.work_dir).name}
     return RunReport(
         title=str(config.get('config_name', 'RM3D run')),
         synthetic=bool(config.get('is_demo', False)),
-        summary={**headlines(final), **facts},
+        summary={**headlines(final), **estimate, **facts},
         budget=budget_of(store, classes, config.get('budget', '')),
         results=result_rows(final),
         scores=point_table(final),

@@ -6,6 +6,7 @@ from typing import Any
 
 from rm3d_plugin.evaluation.kitti_table import format_table
 from rm3d_plugin.evaluation.records import ScoreRecord
+from rm3d_plugin.structures.label_estimate import estimate_text, has_estimate
 from rm3d_plugin.visualization import Chart, ResultRow, ScoreTable, Series
 
 BOX_MEASURES = ('3d AP R40', 'bev AP R40')  # the others stand in the log and in metrics.json
@@ -52,6 +53,21 @@ def result_table(records: Sequence[ScoreRecord]) -> str:
     if points is not None:
         return _text(points, 44)
     return format_table([record for record in records if record.measure in BOX_MEASURES])
+
+
+def final_text(records: Sequence[ScoreRecord], labels: Mapping[str, Any]) -> str:
+    """What a run prints in the end: its scores, and what can be said of labels that nobody can score.
+
+    Args:
+        records: Of the last validation.
+        labels: Summary of the last round of labels; read is its ``estimate``.
+    """
+    agreement = [record for record in records if record.table == 'agreement']
+    scored = [record for record in records if record.table != 'agreement']
+    lines = [result_table(scored)] if scored or not agreement else []
+    if agreement or has_estimate(labels):
+        lines.append(f'pseudo labels: {estimate_text(labels)}')
+    return '\n'.join([*lines, *(f'network: {record.number:.1f} % {record.measure}' for record in agreement)])
 
 
 def _text(table: ScoreTable, widest: int) -> str:

@@ -133,6 +133,16 @@ class LabelStore:
         self._need_complete(round)
         write_json(self._current_file, {'round': round})
 
+    def forget_rounds(self, first: int) -> None:
+        """Remove this round and all later ones, which are to be made again; the current one is that before them.
+
+        Raises:
+            LabelStoreError: There is no complete round before them.
+        """
+        self.set_current(first - 1)
+        for number in [number for number in self.rounds() if number >= first]:
+            self.begin_round(number, overwrite=True)
+
     # ------------------------------------------------------------------ reading
 
     def current_round(self) -> int | None:

@@ -24,6 +24,10 @@ class RecentItems(Generic[Item]):
     def __len__(self) -> int:
         return len(self._kept)
 
+    def clear(self) -> None:
+        """Forget everything."""
+        self._kept.clear()
+
     def get_or_make(self, key: str, make: Callable[[], Item]) -> Item:
         """The item of a key, from memory or else from ``make``; not to be written to."""
         if key in self._kept:

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from rm3d_plugin.visualization.report_sections import count, grouped_table, number, percent, section
+from rm3d_plugin.structures.label_estimate import estimate_text, has_estimate
+from rm3d_plugin.visualization.report_sections import count, grouped_table, number, percent, section, table
 
 _SEGMENTATION_WORDS = (
     '<p>Coverage is the share of the hidden points of a class that have a label; of all classes, the share of all '
@@ -19,7 +20,7 @@ def label_section(rounds: Sequence[Mapping[str, Any]]) -> str:
     if not rounds:
         return ''
     if not any(entry.get('boxes') for entry in rounds):
-        return section('labels', 'Pseudo labels', _SEGMENTATION_WORDS + _class_table(rounds))
+        return section('labels', 'Pseudo labels', _SEGMENTATION_WORDS + _estimate_table(rounds) + _class_table(rounds))
     parts = [_point_table(rounds), _box_table(rounds)]
     words = (
         '<p>Coverage is the share of all points with a label. Precision is the share of correct pseudo labels; recall '
@@ -27,6 +28,15 @@ def label_section(rounds: Sequence[Mapping[str, Any]]) -> str:
         'measured with.</p>'
     )
     return section('labels', 'Pseudo labels', words + ''.join(parts))
+
+
+def _estimate_table(rounds: Sequence[Mapping[str, Any]]) -> str:
+    """What left-out clicks say of the rounds that were checked by them."""
+    checked = [(place, entry) for place, entry in enumerate(rounds) if has_estimate(entry)]
+    if not checked:
+        return ''
+    body = [[str(entry.get('round', place)), escape(estimate_text(entry))] for place, entry in checked]
+    return table(['Round', 'Labels of all points'], body, 'Estimated from clicks that were left out', 2)
 
 
 def _class_table(rounds: Sequence[Mapping[str, Any]]) -> str:

@@ -1,6 +1,7 @@
 """When labels are made: counted with a mock runner, and in a real run."""
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,7 +23,8 @@ class CountingLabelMaker:
         self.events: list[tuple[Any, ...]] = []
         self.finished = set(finished)
         self.predictions: list[Any] = []
-        self.source = SimpleNamespace(extends=lambda number: number in self.extending)
+        self.source = SimpleNamespace(extends=lambda number: number in self.extending, grown=False)
+        self.store = SimpleNamespace(forget_rounds=lambda first: self.events.append(('forget', first)))
         self.extending: tuple[int, ...] = ()
 
     def open(self, keep, log):
@@ -220,3 +222,17 @@ def test_annotated_labels_stay_as_they_are_from_round_to_round(finished):
         )
         annotated += int(first.box_is_annotated.sum())
     assert annotated == 1  # two boxes per ten scenes, at least one
+
+
+@pytest.mark.parametrize(
+    ('epoch', 'warm_up', 'first'), [(2, 1, 1), (3, 1, 2), (4, 1, 2), (2, 2, 1), (3, 2, 1), (4, 2, 1), (5, 2, 2)]
+)
+def test_rounds_to_come_are_made_again_where_the_budget_has_grown(epoch, warm_up, first):
+    label_maker = CountingLabelMaker(finished=(0, 1, 2))
+    label_maker.source.grown = True
+    hook = RegionMergeHook(interval=2, label_maker=label_maker, dataloader=[], rounds=3, warm_up_rounds=warm_up)
+    for number in (epoch, epoch + 1):
+        Path(f'epoch_{number}.pth').touch()
+    epochs(hook, label_maker, epoch, epoch)
+    assert label_maker.events == [('open', True), ('forget', first)]
+    assert Path(f'epoch_{epoch}.pth').is_file() and not Path(f'epoch_{epoch + 1}.pth').exists()

@@ -13,10 +13,13 @@ from mmengine.optim import OneCycleLR
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.hooks import EpochSeedHook, RunRecordHook, SafeCheckpointHook
-from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record, score_records
+from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
+from rm3d_plugin.engine.hooks.run_record_hook import final_records, last_summary, read_record, score_records
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import AtomicLocalBackend, latest_checkpoint
 from rm3d_plugin.engine.loops import RoundTrainLoop
 from rm3d_plugin.evaluation.records import RecordedMetric, share
+from rm3d_plugin.storage import LabelStore
+from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 
 def draws(epoch, seed):
@@ -46,13 +49,14 @@ class Recorded(RecordedMetric):
         return [share('AP', results[0], 'boxes', 'AP'), share('AP_car', float('nan'), 'boxes', 'AP', subject='car')]
 
 
-def runner_at(work_dir, epoch=0, validate=None, val_interval=2, max_epochs=4):
+def runner_at(work_dir, epoch=0, validate=None, val_interval=2, max_epochs=4, hooks=()):
     val_loop = None if validate is None else SimpleNamespace(run=validate)
     return SimpleNamespace(
         work_dir=str(work_dir),
         epoch=epoch,
         seed=7,
         cfg={'config_name': 'leaf', 'is_demo': True},
+        hooks=hooks,
         val_loop=val_loop,
         train_loop=SimpleNamespace(val_interval=val_interval, max_epochs=max_epochs),
         val_evaluator=SimpleNamespace(metrics=[Recorded()]),
@@ -86,6 +90,7 @@ def test_losses_are_averaged_over_an_epoch_and_scores_kept(tmp_path):
         'validation': {'1': {'AP': 10.0}, '2': {'AP': 20.0, 'empty': None}},
         'final': {'AP': 20.0, 'empty': None},
         'records': {'1': ROWS, '2': ROWS},
+        'estimates': {},
         'config': 'leaf',
         'seed': 7,
         'synthetic': True,
@@ -225,3 +230,20 @@ def test_the_loop_trains_rounds_of_sigma_epochs():
     for name in ('rounds', 'sigma', 'val_rounds'):
         with pytest.raises(ValueError, match=f'RoundTrainLoop.{name}: expected at least 1, got 0'):
             RoundTrainLoop(runner, loader, **{'rounds': 1, 'sigma': 1, name: 0})
+
+
+def test_estimates_of_the_labels_are_kept_by_round(tmp_path):
+    store, nobody = LabelStore(tmp_path / 'labels'), np.full(3, -1)
+    labels = PseudoLabels(nobody, nobody, nobody >= 0, np.zeros(3, np.float32), Boxes3D.empty(), np.zeros(0, bool))
+    estimate = {'miou': 68.2, 'low': 60.9, 'high': 75.0, 'clicks': 240}
+    for number, summary in enumerate(({}, {'estimate': None}, {'estimate': estimate})):
+        store.begin_round(number)
+        store.write(number, 'a', labels)
+        store.finish_round(number, summary)
+    label_maker = SimpleNamespace(store=store)
+    hook, runner = RunRecordHook(), runner_at(tmp_path, hooks=[RegionMergeHook(1, label_maker, [])])
+    hook.before_train(runner)
+    hook.after_train(runner)
+    kept = read_record(tmp_path)
+    assert kept['estimates'] == {'1': None, '2': estimate} and last_summary(kept) == {'estimate': estimate}
+    assert last_summary({'estimates': {}}) == {}

@@ -208,3 +208,14 @@ def test_pseudo_labels_without_coordinates_or_scenes(tmp_path):
     assert got['precision'] == 100 and 'offset_error' not in got
     with pytest.raises(SceneError, match='do not fit the 40 points'):
         run('PseudoLabelMetric', [sample(np.arange(39), truth=False, pts_semantic_mask=SEMANTIC)], label_store=tmp_path)
+
+
+def test_against_labels_of_the_run_itself_there_is_no_score_but_agreement(monkeypatch):
+    said = []
+    monkeypatch.setattr('rm3d_plugin.evaluation.sem_seg_metric.print_log', lambda text, logger: said.append(text))
+    wrong = np.where(SEMANTIC == 2, 1, SEMANTIC)  # 25 of 35 labelled points agree
+    got = run('SemSegMetric', [sample(pred_point_probs=one_hot(wrong))], labels='store')
+    assert got == {'agreement_not_accuracy': pytest.approx(100 * 25 / 35)}
+    assert said == ['The network: 71.43 % agreement with its own pseudo labels, not accuracy']
+    with pytest.raises(ValueError, match="labels: expected one of truth, store, got 'stored'"):
+        run('SemSegMetric', [], labels='stored')

@@ -69,7 +69,7 @@ def test_what_needs_no_network_is_scored_on_hidden_points(tmp_path):
     options = {'data_root': str(tmp_path), 'val_tiles': ['a'], 'threads': 1, 'cache_dir': str(tmp_path / 'cache')}
     init_default_scope(SCOPE)
     config = load_config(write_leaf(Scan('a', 'rm3d_sem_oakland_1pct', options), tmp_path), tmp_path / 'run')
-    store = LabelStore(tmp_path / 'run' / 'labels')
+    store, paper = LabelStore(tmp_path / 'run' / 'labels'), LabelStore(tmp_path / 'paper' / 'labels')
     semantic = np.where(rows < 5, 3, np.where(rows == 9, 5, -1))
     nobody, true = np.full(10, -1), (rows == 0) | (rows == 9)
     for number, last in (
@@ -80,10 +80,15 @@ def test_what_needs_no_network_is_scored_on_hidden_points(tmp_path):
         sure = (last >= 0).astype(np.float32)
         store.write(number, 'a', PseudoLabels(last, nobody, true, sure, Boxes3D.empty(), true[:0]))
         store.finish_round(number)
-    got = labels_alone(config, tmp_path / 'run')
+    paper.begin_round(0)
+    paper.write(0, 'a', PseudoLabels(semantic, nobody, true, (semantic >= 0) * 1.0, Boxes3D.empty(), true[:0]))
+    paper.finish_round(0)
+    got = labels_alone(config, tmp_path / 'run', tmp_path / 'paper')
+    assert got['paper_filled'] == got['paper_first'] == got['first_filled']
+    assert all(0 <= got[name] <= 100 for name in ('walker', 'solver'))
     assert got['nearest'] == pytest.approx(100 * (4 / 5 + 3 / 4) / 2)  # 5 is nearer to 9: taken for a vehicle
-    assert got['regions'] == pytest.approx(100 * (4 / 5 + 0) / 2)
-    assert got['regions_filled'] == pytest.approx(100 * (5 / 6 + 2 / 3) / 2)  # 6 is nearer to 4 than to 9
+    assert got['first'] == pytest.approx(100 * (4 / 5 + 0) / 2)
+    assert got['first_filled'] == pytest.approx(100 * (5 / 6 + 2 / 3) / 2)  # 6 is nearer to 4 than to 9
     assert got['rm3d_filled'] == pytest.approx(100.0)
 
 
@@ -91,17 +96,32 @@ def test_a_row_a_scan_and_their_mean(tmp_path, monkeypatch):
     for name in ('a', 'b'):
         (tmp_path / 'oakland' / f'oakland_{name}.xyz_label_conf').parent.mkdir(exist_ok=True)
         (tmp_path / 'oakland' / f'oakland_{name}.xyz_label_conf').touch()
-    alone = {'nearest': 10.0, 'regions': 20.0, 'regions_filled': 30.0, 'rm3d_filled': 80.0}
-    monkeypatch.setattr(propagation, 'labels_alone', lambda config, folder: alone)
+    alone = {'nearest': 10.0, 'walker': 12.0, 'solver': 15.0, 'paper_first': 18.0, 'first': 20.0, 'first_filled': 30.0}
+    alone |= {'paper_filled': 70.0, 'rm3d_filled': 80.0}
+    monkeypatch.setattr(propagation, 'labels_alone', lambda config, folder, paper: alone)
     request = Request(tmp_path / 'out', seed=3, data_root=tmp_path, scenes=5, options=('threads=1',))
     table = propagation_table(request, Commands(lambda config: command('train', config)))
     lines = to_markdown(table).splitlines()
     assert lines[0].endswith('at most 20 labelled points a class, seed 3')
     assert lines[-3:] == [
-        f'| {name} | 3.0 | 10.0 | 20.0 | 30.0 | 3.0 | 6.0 | 3.0 | 80.0 |' for name in ('Oakland a', 'Oakland b', 'mean')
+        f'| {name} | 3.0 | 10.0 | 12.0 | 15.0 | 18.0 | 6.0 | 3.0 | 70.0 | 20.0 | 30.0 | 6.0 | 3.0 | 80.0 |'
+        for name in ('Oakland a', 'Oakland b', 'mean')
+    ]
+    rows = [line for line in lines[4:] if line.startswith('|')][:10]
+    assert rows[0] == '| method | network alone | labels, the rest by the network | labels, the rest as the nearest |'
+    assert rows[2:5] == [
+        '| nearest labelled point | - | - | 10.0 |',
+        '| plain random walker | - | - | 12.0 |',
+        '| rm3d label | - | - | 15.0 |',
+    ]
+    assert rows[-4:] == [
+        '| RM3D as in the paper, round 0 | - | - | 18.0 |',
+        '| RM3D as in the paper | 6.0 | 3.0 | 70.0 |',
+        '| RM3D, round 0 | - | - | 30.0 |',
+        '| RM3D | 6.0 | 3.0 | 80.0 |',
     ]
     assert table.records[0] == {'scan': 'Oakland a', 'seed': 3, 'labelled_only': 3.0, **alone} | {
-        'paper': 3.0, 'network': 6.0, 'rm3d': 3.0
+        'paper': 3.0, 'paper_network': 6.0, 'network': 6.0, 'rm3d': 3.0
     }  # fmt: skip
     assert table.figure().startswith(b'\x89PNG')
     folders = sorted(path.name for path in (tmp_path / 'out').glob('*_seed3'))

@@ -14,6 +14,8 @@ from rm3d_plugin.experiments.run_commands import config_path
 from rm3d_plugin.experiments.runner import Commands, run_folder
 from rm3d_plugin.experiments.scores import fill_table
 from rm3d_plugin.experiments.spec import Request, Row, Table, method_rows
+from rm3d_plugin.experiments.tables.propagation import COLUMNS, METHODS
+from rm3d_plugin.experiments.tables.pseudo_label_rounds import METHODS as ROUND_METHODS
 
 FEW, ALL = Row('few', 'few_cfg'), Row('all', 'all_cfg')
 TABLE = Table('a title', (FEW, ALL), {'Car': 'car', 'mean': 'mean'}, reference='all')
@@ -52,6 +54,29 @@ def test_means_ranges_and_ratio(tmp_path):
     assert fill_table(TABLE, request).records[1] == {
         'row': 'few', 'config': 'few_cfg', 'seed': 1, 'Car': 50.0, 'mean': 44.0
     }  # fmt: skip
+
+
+LABELLED = {*TRAINED, 'propagation', 'pseudo-labels'}  # the others measure descriptors and need no labels
+
+
+@pytest.mark.parametrize('name', TRAINED)
+def test_each_budget_of_a_table_has_both_strategies_and_the_labels_alone(name):
+    rows = [row for row in TRAINED[name].rows if not row.name.startswith('all ')]
+    budgets = {row.config.removeprefix('rm3d_').removeprefix('sup_') for row in rows}
+    assert budgets and len(rows) == 3 * len(budgets)
+    for budget in budgets:
+        own = [row for row in rows if row.config in (f'sup_{budget}', f'rm3d_{budget}')]
+        assert [(row.config.split('_')[0], dict(row.options)) for row in own] == [
+            ('sup', {}), ('rm3d', {'strategy': 'paper'}), ('rm3d', {})
+        ]  # fmt: skip
+        assert own[0].name.startswith('labelled ') and own[1].name.startswith('RM3D as in the paper (')
+
+
+def test_measured_tables_of_labels_have_both_strategies_and_what_is_trivial():
+    assert set(TABLES) - LABELLED == {'descriptors-overseg', 'robustness-card'}
+    assert {'nearest labelled point', 'labelled points alone', 'RM3D as in the paper', 'RM3D'} <= set(METHODS)
+    assert {'labelled_only', 'nearest', 'paper', 'rm3d'} <= set(COLUMNS)
+    assert list(ROUND_METHODS.values()) == ['nearest labelled point', 'RM3D as in the paper', 'RM3D']
 
 
 def test_what_became_of_the_labels_stands_beside_the_scores(tmp_path):

@@ -10,6 +10,8 @@ import pytest
 from reference.toy_scenes import CLASSES, make_scene
 from runs import tiny_runs
 
+from rm3d_plugin.engine.hooks.run_record_hook import final_records, read_record
+from rm3d_plugin.reporting.scores import final_text
 from rm3d_plugin.storage import LabelStore, write_npz
 from rm3d_plugin.storage.ply import write_ply
 from rm3d_plugin.storage.scans import read_scan
@@ -103,6 +105,13 @@ def test_the_report_needs_no_truth(run):
     page = (run[0] / 'run' / 'report.html').read_text()
     assert 'Pseudo labels' in page and 'Labels / training' in page
     assert not re.search(r'"name": ?"(truth|errors)"', page)
+
+
+def test_agreement_with_its_own_labels_is_no_score(run):
+    page, record = (run[0] / 'run' / 'report.html').read_text(), read_record(run[0] / 'run')
+    assert '>no estimate: ' in page and not re.search(r'>(m?IoU|correct points)<', page)
+    assert list(record['final']) == ['agreement_not_accuracy'] and not re.search(r'mIoU|correct points', run[1])
+    assert final_text(final_records(record), {}).splitlines()[1].endswith('not accuracy')
 
 
 def test_predictions_lie_where_the_scans_do(run, tmp_path):

@@ -10,7 +10,7 @@ from rm3d_plugin.datasets import scannet_format, semantic3d_format, semantickitt
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.predict import find_scans, predict_files
 from rm3d_plugin.inference.predict_formats import ScanPrediction
-from rm3d_plugin.inference.predict_points import PointOptions, fit_channels, trained_intensity_range
+from rm3d_plugin.inference.predict_points import PointOptions, fit_channels, keep_labels, trained_intensity_range
 from rm3d_plugin.models.heads.proposals import Instances
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.storage.ply import write_ply
@@ -146,6 +146,21 @@ def test_missing_colour_is_neutral_and_told(checkpoint, tmp_path):
         assert fit_channels(bare, ('intensity',), ('intensity',), (0.0, 1.0), 'bare').intensity.tolist() == [0.0, 1.0]
 
 
+def test_points_without_a_label_are_named_by_the_nearest_label_or_the_network():
+    """Five points a metre apart, the ends are labelled; of the fourth the network has seen nothing."""
+    xyz = np.array([[float(x), 0, 0] for x in range(5)])
+    semantic, confidence = np.array([2, -1, -1, -1, 0]), np.array([0.9, 0, 0, 0, 1.0], dtype=np.float32)
+    nobody, annotated = np.full(5, -1), np.zeros(5, dtype=bool)
+    own = PseudoLabels(semantic, nobody, annotated, confidence, Boxes3D.empty(), annotated[:0])
+    probs = np.array([[0.8, 0.1, 0.1], [0.2, 0.5, 0.3], [0.6, 0.3, 0.1], [0.0, 0.0, 0.0], [0.1, 0.8, 0.1]])
+    by_network, by_nearest = (keep_labels(probs, xyz, own, fill) for fill in ('network', 'nearest'))
+    assert by_network[0].tolist() == [2, 1, 0, -1, 0] and by_nearest[0].tolist() == [2, 2, 2, 0, 0]
+    np.testing.assert_allclose(by_network[1], [0.9, 0.5, 0.6, 0, 1])
+    np.testing.assert_allclose(by_nearest[1], [0.9, 0.3, 0.1, 0, 1])
+    bare = PseudoLabels(nobody, nobody, annotated, 0 * confidence, Boxes3D.empty(), annotated[:0])
+    assert keep_labels(probs, xyz, bare, 'nearest')[0].tolist() == [0, 1, 0, -1, 1]
+
+
 def test_intensity_is_read_as_in_training():
     assert trained_intensity_range({'type': 'rm3d_plugin.Semantic3DDataset'}) == (-2048.0, 2047.0)
     assert trained_intensity_range({'type': 'FilesDataset', 'intensity_range': 255}) == (0.0, 255.0)
@@ -223,9 +238,17 @@ def test_labels_of_the_run_stay_where_there_are_some(checkpoint, tmp_path):
     store.write(0, 'mine', PseudoLabels(semantic, none, sure, confidence, Boxes3D.empty(), sure[:0]))
     store.finish_round(0)
     store.set_current(0)
-    kept = np.load(run(checkpoint, scan, tmp_path / 'kept', format='npz', labels=store.root))
+    kept = np.load(run(checkpoint, scan, tmp_path / 'kept', format='npz', labels=store.root, fill='network'))
     np.testing.assert_array_equal(kept['label'], np.where(semantic >= 0, semantic, said['label']))
     np.testing.assert_allclose(kept['confidence'], np.where(semantic >= 0, 0.9, said['confidence']))
+    filled = np.load(run(checkpoint, scan, tmp_path / 'filled', format='npz', labels=store.root))
+    near = np.square(said['xyz'][:, None] - said['xyz'][:5]).sum(axis=2).argmin(axis=1)
+    np.testing.assert_array_equal(filled['label'], semantic[near])
+    agrees = semantic[near] == said['label']
+    np.testing.assert_allclose(filled['confidence'][5:][agrees[5:]], said['confidence'][5:][agrees[5:]])
+    assert (filled['confidence'][5:][~agrees[5:]] < said['confidence'][5:][~agrees[5:]]).all()
+    with pytest.raises(ConfigError, match='fill: is for points without a label'):
+        run(checkpoint, scan, tmp_path / 'out', fill='nearest')
     other = make_scan(tmp_path / 'other.ply', count=30)
     with pytest.warns(UserWarning, match='has no labels of this scan'):
         run(checkpoint, other, tmp_path / 'out', labels=store.root)

@@ -101,3 +101,61 @@ def test_lists_count_the_points_of_the_file(tmp_path):
     (tmp_path / 'list.json').write_text(json.dumps({'room1': labelled}))
     annotated = PointBudgetSource(dataset, {'point_list': str(tmp_path / 'list.json')}).annotated_labels(1)
     assert np.flatnonzero(annotated.semantic >= 0).tolist() == np.unique(rows[labelled]).tolist()
+
+
+def clicked(path, clicks, add_clicks=False):
+    """A source of three rooms and these clicks: (scene, index, class)."""
+    lines = [','.join(map(str, click)) for click in clicks]
+    path.write_text('\n'.join(['scene,index,class', *lines]) + '\n')
+    return PointBudgetSource(ToyRooms(3), {'clicks': str(path)}, add_clicks=add_clicks)
+
+
+FIRST = [('room0', 3, 'floor'), ('room0', 9, 'wall'), ('room1', 4, 'box')]
+MORE = [*FIRST, ('room2', 5, 'box'), ('room0', 7, 'box'), ('room2', 6, 'floor')]
+
+
+def test_clicks_that_were_added_wait_for_the_next_round(tmp_path):
+    csv = tmp_path / 'clicks.csv'
+    clicked(csv, FIRST).open(tmp_path, resume=False)
+    same = clicked(csv, FIRST)
+    same.open(tmp_path, resume=True)
+    assert not same.grown and not same.extends(1)
+    told = r'clicks\.csv: clicks were added: room0: 1 box; room2: 1 floor, 1 box; go on with them by --resume --add-cl'
+    with pytest.raises(BudgetError, match=told):
+        clicked(csv, MORE).open(tmp_path, resume=True)
+    grown = clicked(csv, MORE, add_clicks=True)
+    grown.open(tmp_path, resume=True)
+    assert grown.extends(1) and grown.extends(2) and 'clicks were added: room0: 1 box; room2' in grown.describe()
+    assert grown.point_counts().tolist() == [1, 1, 1]  # until a round is made
+    killed = clicked(csv, MORE)
+    with pytest.raises(BudgetError, match='clicks were added'):
+        killed.open(tmp_path, resume=True)
+    grown.extend(2, {})
+    assert not grown.grown and grown.point_counts().tolist() == [2, 3, 1]
+    assert np.flatnonzero(grown.annotated_labels(2).semantic >= 0).tolist() == [5, 6]
+    again = clicked(csv, MORE)
+    again.open(tmp_path, resume=True)
+    assert again.budget.hash == grown.budget.hash and not again.grown
+    with pytest.raises(BudgetError, match='no click was added since the run read it; resume without --add-clicks'):
+        clicked(csv, MORE, add_clicks=True).open(tmp_path, resume=True)
+
+
+@pytest.mark.parametrize(
+    ('clicks', 'told'),
+    [
+        (MORE[1:], 'scene room0: point 3 was floor and is gone, but'),
+        ([*MORE[1:], ('room0', 3, 'wall')], 'scene room0: point 3 was floor and is wall, but'),
+        (MORE[3:], 'scene room0: point 3 was floor and is gone; point 9 was wall and is gone, but'),
+    ],
+)
+@pytest.mark.parametrize('add', [True, False])
+def test_clicks_that_training_has_seen_must_stay(tmp_path, clicks, told, add):
+    csv = tmp_path / 'clicks.csv'
+    clicked(csv, FIRST).open(tmp_path, resume=False)
+    with pytest.raises(BudgetError, match=rf'clicks\.csv: {told} the run has learnt from them; put them back'):
+        clicked(csv, clicks, add).open(tmp_path, resume=True)
+
+
+def test_clicks_are_added_to_a_file_of_clicks_alone():
+    with pytest.raises(BudgetError, match='add_clicks: the label budget is no file of clicks'):
+        PointBudgetSource(ToyRooms(2), '20pts', add_clicks=True)

@@ -78,6 +78,8 @@ def test_without_truth_only_what_there_is_is_counted(scenes):
     there = 1 if scenes else 0
     assert summary['boxes']['Car'] == {'annotated': there, 'pseudo': there, 'correct': 0, 'true': there}
     assert 'correct' not in describe_round(summary)
+    told = describe_round({**summary, 'estimate': {'miou': 68.2, 'low': 60.9, 'high': 75.0, 'clicks': 240}})
+    assert told == f'about 68 (61 to 75) mIoU, from 240 of your clicks; {describe_round(summary)}'
     json.dumps(summary)
 
 

@@ -8,7 +8,16 @@ import pytest
 from rm3d_plugin.evaluation.functional.kitti_ap import ApEntry, KittiAp
 from rm3d_plugin.evaluation.kitti_table import kitti_records
 from rm3d_plugin.evaluation.records import ScoreRecord, share
-from rm3d_plugin.reporting.scores import headlines, label_charts, point_table, result_rows, result_table, score_chart
+from rm3d_plugin.evaluation.sem_seg_metric import AGREEMENT as AGREES
+from rm3d_plugin.reporting.scores import (
+    final_text,
+    headlines,
+    label_charts,
+    point_table,
+    result_rows,
+    result_table,
+    score_chart,
+)
 
 SCORES = (
     share('IoU_wall', 0.615, 'points', 'IoU', subject='wall'),
@@ -132,3 +141,29 @@ def test_curves_of_labels(known):
         ]
     unknown = {'coverage': 1.0, 'mean_precision': None}
     assert label_charts(rounds[:1]) == [] and label_charts([{'round': 0, **unknown}] * 2) == []
+
+
+ESTIMATE = {'estimate': {'miou': 68.2, 'low': 60.9, 'high': 75.0, 'clicks': 240}}
+AGREEMENT = (share('agreement_not_accuracy', 0.477, 'agreement', AGREES),)
+
+
+@pytest.mark.parametrize(
+    ('labels', 'told'),
+    [
+        (ESTIMATE, 'about 68 (61 to 75) mIoU, from 240 of your clicks'),
+        ({'estimate': None}, 'no estimate: too few clicks'),
+        ({}, 'no estimate: the labels were not checked by left-out clicks'),
+    ],
+)
+def test_agreement_is_told_as_such_and_the_estimate_stands_first(labels, told):
+    assert final_text(AGREEMENT, labels).splitlines() == [
+        f'pseudo labels: {told}',
+        'network: 47.7 % agreement with its own pseudo labels, not accuracy',
+    ]
+    assert point_table(AGREEMENT) is None and headlines(AGREEMENT) == {}
+    assert score_chart({1: AGREEMENT, 2: AGREEMENT}) is None
+
+
+def test_scores_stay_and_the_estimate_follows_them():
+    assert final_text(SCORES, {}) == result_table(SCORES)
+    assert final_text(SCORES, ESTIMATE).splitlines()[-1].startswith('pseudo labels: about 68 (61 to 75) mIoU')

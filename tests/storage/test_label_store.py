@@ -191,3 +191,17 @@ def test_scene_names_cannot_leave_the_folder(store):
         store.write(0, name, labels())
     store.finish_round(0)
     assert set(store.scenes(0)) == {'../../x', '..', '/etc/x', 'complete', 'a%2Fb', 'a/b'}
+
+
+def test_rounds_that_are_to_be_made_again_are_forgotten(store):
+    for number in range(4):
+        write_round(store, number, number)
+    store.set_current(3)
+    store.forget_rounds(2)
+    assert store.rounds() == (0, 1) and store.current_round() == 1
+    assert store.read('a').semantic.tolist() == [1] * 4
+    with pytest.raises(LabelStoreError, match=r'round_002.*missing'):
+        store.read('a', 2)
+    store.forget_rounds(2)
+    with pytest.raises(LabelStoreError, match='round 4 is absent or half-written'):
+        store.forget_rounds(5)

@@ -75,3 +75,14 @@ def test_a_legend_beside_widens_nothing_but_is_drawn():
     panel = BevPanel('p', xyz, legend=[('#ff0000', 'a class')])
     beside = BevPanel('p', xyz, legend=panel.legend, legend_beside=True)
     assert draw_bev([panel]) != draw_bev([beside])
+
+
+def test_the_estimate_of_each_round_is_told_where_labels_were_checked():
+    checked = [
+        {**ROUNDS[0], 'estimate': None},
+        {**ROUNDS[1], 'estimate': {'miou': 68.2, 'low': 60.9, 'high': 75.0, 'clicks': 240}},
+    ]
+    rows = Reader(render_report(RunReport('t', rounds=checked))).rows
+    assert ['0', 'no estimate: too few clicks'] in rows
+    assert ['1', 'about 68 (61 to 75) mIoU, from 240 of your clicks'] in rows
+    assert 'left out' not in render_report(RunReport('t', rounds=ROUNDS))

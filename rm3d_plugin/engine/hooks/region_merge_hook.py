@@ -10,6 +10,7 @@ from mmengine.hooks import Hook
 from mmengine.runner import Runner
 from tqdm import tqdm
 
+from rm3d_plugin.engine.hooks.safe_checkpoint_hook import forget_checkpoints
 from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
 from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.ops.segment import scatter_rows
@@ -73,11 +74,16 @@ class RegionMergeHook(Hook):
         keep, evaluating = runner.epoch > 0, Seconds()
         if is_main_process():
             self.label_maker.open(keep, runner.logger.info)
+            if self.label_maker.source.grown:
+                forget_checkpoints(runner.work_dir, runner.epoch)
+                self.label_maker.store.forget_rounds(self._next_round(runner.epoch))
             if not (keep and self.label_maker.is_finished(0)):
                 self.label_maker.make_first_labels()
                 evaluating = self._close(0, runner)
         barrier()
-        _unwrapped(runner.model).set_label_statistics(self.label_maker.statistics())
+        if not is_main_process():
+            self.label_maker.follow()
+        self._tell_model(runner.model)
         self._labels_took(0, watch.read(), evaluating, new=not keep)
 
     def before_train_epoch(self, runner: Runner) -> None:
@@ -103,6 +109,13 @@ class RegionMergeHook(Hook):
         """Whose labels an epoch (from 0) is trained on."""
         return min(max(epoch // self.interval - self.warm_up_rounds + 1, 0), self.rounds - 1)
 
+    def _next_round(self, epoch: int) -> int:
+        """Which round begins first from an epoch on; round 0 has begun."""
+        return max(self._round_of(-(-epoch // self.interval) * self.interval), 1)
+
+    def _tell_model(self, model: Any) -> None:
+        _unwrapped(model).set_label_statistics(self.label_maker.statistics())
+
     def _labels_took(self, number: int, seconds: Seconds, evaluating: Seconds, new: bool) -> None:
         self.seconds += seconds.wall
         if new and is_main_process():
@@ -124,6 +137,7 @@ class RegionMergeHook(Hook):
         _unwrapped(runner.model).predict_points = True
         if self.label_maker.source.extends(number):
             self.label_maker.extend_budget(number, self._predictions(runner.model, number))
+            self._tell_model(runner.model)
         self.label_maker.refresh_all(number, self._predictions(runner.model, number))
         _unwrapped(runner.model).predict_points = False
         barrier()

@@ -1,4 +1,4 @@
-"""Keeps ``metrics.json`` of the work directory: losses of each epoch, scores of each validation."""
+"""Keeps ``metrics.json`` of the work directory: losses, scores of each validation, estimates of the labels."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,9 +9,11 @@ from mmengine.dist import is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
+from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.evaluation.records import ScoreRecord, records_from, records_of, rows_of
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.storage import read_json, write_json
+from rm3d_plugin.structures.label_estimate import ESTIMATE, has_estimate
 
 
 def read_record(work_dir: str | Path) -> dict[str, Any]:
@@ -21,7 +23,7 @@ def read_record(work_dir: str | Path) -> dict[str, Any]:
 
 
 def _empty() -> dict[str, Any]:
-    return {'losses': {}, 'validation': {}, 'final': {}, 'records': {}}
+    return {'losses': {}, 'validation': {}, 'final': {}, 'records': {}, 'estimates': {}}
 
 
 def score_records(record: Mapping[str, Any]) -> dict[int, tuple[ScoreRecord, ...]]:
@@ -33,6 +35,12 @@ def final_records(record: Mapping[str, Any]) -> tuple[ScoreRecord, ...]:
     """What the metrics handed on after the last validation."""
     by_epoch = score_records(record)
     return by_epoch[max(by_epoch)] if by_epoch else ()
+
+
+def last_summary(record: Mapping[str, Any]) -> dict[str, Any]:
+    """What the record says of the labels of the last round: ``estimate``, where they were checked."""
+    estimates = record['estimates']
+    return {ESTIMATE: estimates[max(estimates, key=int)]} if estimates else {}
 
 
 @HOOKS.register_module()
@@ -93,4 +101,12 @@ class RunRecordHook(Hook):
 
     def _write(self, runner: Runner) -> None:
         if is_main_process():
+            self.record['estimates'] = _estimates(runner)
             write_json(Path(runner.work_dir) / 'metrics.json', self.record)
+
+
+def _estimates(runner: Runner) -> dict[str, Any]:
+    """Of each round whose labels were checked by left-out clicks, its estimate; None: too few clicks."""
+    stores = [hook.label_maker.store for hook in runner.hooks if isinstance(hook, RegionMergeHook)]
+    rounds = {str(number): store.summary(number) for store in stores for number in store.rounds()}
+    return {number: summary[ESTIMATE] for number, summary in rounds.items() if has_estimate(summary)}

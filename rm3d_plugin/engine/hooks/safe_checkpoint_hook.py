@@ -31,6 +31,19 @@ class AtomicLocalBackend(LocalBackend):
         write_bytes(filepath, obj)
 
 
+def checkpoints(work_dir: str | Path) -> dict[int, Path]:
+    """Complete ``epoch_*.pth`` by their epoch, ascending."""
+    found = [path for path in Path(work_dir).glob('epoch_*.pth') if path.stem.split('_')[1].isdigit()]
+    return dict(sorted((int(path.stem.split('_')[1]), path) for path in found))
+
+
+def forget_checkpoints(work_dir: str | Path, after: int) -> None:
+    """Remove those of later epochs: they are to be trained again."""
+    for epoch, path in checkpoints(work_dir).items():
+        if epoch > after:
+            path.unlink()
+
+
 def latest_checkpoint(work_dir: str | Path) -> Path | None:
     """The whole ``epoch_*.pth`` of the highest epoch, or None.
 
@@ -39,8 +52,7 @@ def latest_checkpoint(work_dir: str | Path) -> Path | None:
     Warns:
         UserWarning: A newer one is damaged and passed over.
     """
-    found = [path for path in Path(work_dir).glob('epoch_*.pth') if path.stem.split('_')[1].isdigit()]
-    for path in sorted(found, key=lambda path: int(path.stem.split('_')[1]), reverse=True):
+    for path in reversed(checkpoints(work_dir).values()):
         try:
             check_whole(path)
         except ConfigError as error:

@@ -93,7 +93,6 @@ def options(folder: Path, crop: int, steps: int, threads: int) -> dict[str, Any]
         'class_names': list(CLASSES),
         'num_classes': len(CLASSES),
         'val_labels': 'truth',
-        'score_name': None,
         'crop_points': crop,
         'model.inference.max_points': crop,
         'rounds': 2,

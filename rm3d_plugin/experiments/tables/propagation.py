@@ -16,14 +16,16 @@ from rm3d_plugin.baselines import LABELLED_ONLY
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.run import config_errors
 from rm3d_plugin.evaluation.functional.semantic_iou import confusion_counts, semantic_scores
+from rm3d_plugin.experiments.benchmarks.propagate_clicks import plain_walker, walked
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
 from rm3d_plugin.experiments.run_commands import config_path, parse_options
-from rm3d_plugin.experiments.runner import Commands, final_scores, plan, run_rows
+from rm3d_plugin.experiments.runner import Commands, final_scores, plan, run_folder, run_rows
 from rm3d_plugin.experiments.scenes import real_root
 from rm3d_plugin.experiments.spec import Request, Row
+from rm3d_plugin.pseudo_labels.propagation import prepare_cloud, propagate_prepared
 from rm3d_plugin.registry import DATASETS, SCOPE
 from rm3d_plugin.storage import LabelStore, write_text
-from rm3d_plugin.structures import UNLABELLED
+from rm3d_plugin.structures import UNLABELLED, PointCloud
 
 BUDGET = '20pts_class'  # at most so many points of a class
 SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
@@ -31,7 +33,7 @@ OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
 SETTINGS = """
     rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline crop_points
     point_columns voxel_size widths blocks class_power oversegmenter batch_size tta_rotations superpoint_smoothing
-    logit_adjustment strategy merge propagation region_prior ground self_training
+    logit_adjustment strategy walker random_walk merge propagation region_prior ground self_training
 """.split()  # of those that are about scans with few labels, not about a data set
 SCORED = [
     {'type': 'UnlabelledSemSegMetric', 'label_store': '${work_dir}/labels', 'keep_labels': True},
@@ -61,10 +63,16 @@ class PropagationScores:
     Attributes:
         labelled_only: Network trained on the labelled points alone.
         nearest: Every point as the labelled point nearest to it.
-        regions: Regions of the labelled points, no network; what they do not reach is wrong.
-        regions_filled: The same, and what they do not reach as the nearest point that they reach.
+        walker: A plain random walker from the labelled points, with fixed scales.
+        solver: What ``rm3d label`` writes: the propagation of the labelled points, no training.
+        paper_first: RM3D as in the paper before training: labels of round 0, the other points as the nearest that has
+            one.
+        paper_network: Network trained by RM3D as in the paper.
         paper: RM3D as in the paper: points with a label in the last round have it, the network says what the others
             are.
+        paper_filled: The same labels, and the others as the nearest point that has one.
+        first: RM3D before training: labels of round 0, points without one are wrong.
+        first_filled: The same labels, the other points as the nearest that has one.
         network: Network trained by RM3D.
         rm3d: RM3D: points with a label in the last round have it, the network says what the others are.
         rm3d_filled: The same labels, and the others as the nearest point that has one.
@@ -72,9 +80,14 @@ class PropagationScores:
 
     labelled_only: float
     nearest: float
-    regions: float
-    regions_filled: float
+    walker: float
+    solver: float
+    paper_first: float
+    paper_network: float
     paper: float
+    paper_filled: float
+    first: float
+    first_filled: float
     network: float
     rm3d: float
     rm3d_filled: float
@@ -83,13 +96,31 @@ class PropagationScores:
 COLUMNS = {
     'labelled_only': 'network on the labelled points alone',
     'nearest': 'nearest labelled point',
-    'regions': 'regions, the rest wrong',
-    'regions_filled': 'regions, the rest as the nearest',
-    'paper': 'RM3D as in the paper',
+    'walker': 'plain random walker',
+    'solver': 'rm3d label',
+    'paper_first': "the paper's labels of round 0, the rest as the nearest",
+    'paper_network': "the paper's network",
+    'paper': "the paper's labels, the rest by its network",
+    'paper_filled': "the paper's labels, the rest as the nearest",
+    'first': "RM3D's labels of round 0, the rest wrong",
+    'first_filled': "RM3D's labels of round 0, the rest as the nearest",
     'network': "RM3D's network",
     'rm3d': "RM3D's labels, the rest by its network",
     'rm3d_filled': "RM3D's labels, the rest as the nearest",
 }
+
+
+METHODS: dict[str, tuple[str | None, str | None, str | None]] = {
+    'nearest labelled point': (None, None, 'nearest'),
+    'plain random walker': (None, None, 'walker'),
+    'rm3d label': (None, None, 'solver'),
+    'labelled points alone': ('labelled_only', None, None),
+    'RM3D as in the paper, round 0': (None, None, 'paper_first'),
+    'RM3D as in the paper': ('paper_network', 'paper', 'paper_filled'),
+    'RM3D, round 0': (None, None, 'first_filled'),
+    'RM3D': ('network', 'rm3d', 'rm3d_filled'),
+}
+"""Row -> columns of its network alone, of its labels filled by the network, and of labels of all points."""
 
 
 def oakland_scans(root: Path) -> list[Scan]:
@@ -170,41 +201,56 @@ def score_scan(scan: Scan, request: Request) -> PropagationScores:
     (run,) = plan([rows['rm3d']], replace(request, seeds=(request.seed,)))
     init_default_scope(SCOPE)
     config = load_config(run.config, run.folder, options=parse_options({**run.options, 'seed': str(run.seed)}))
+    paper = run_folder(request.out, rows['paper'], request.seed)
     return PropagationScores(
         labelled_only=scores['labelled_only']['mIoU'],
         paper=scores['paper']['mIoU'],
+        paper_network=scores['paper']['network/mIoU'],
         network=scores['rm3d']['network/mIoU'],
         rm3d=scores['rm3d']['mIoU'],
-        **labels_alone(config, run.folder),
+        **labels_alone(config, run.folder, paper),
     )
 
 
-def labels_alone(config: Any, work_dir: Path) -> dict[str, float]:
+def labels_alone(config: Any, work_dir: Path, paper: Path) -> dict[str, float]:
     """Score (mIoU, percent) of labels where no network is asked in the end, by column of :class:`PropagationScores`.
 
     Args:
         config: Of a run whose scenes are scored.
-        work_dir: Its folder; round 0 of its labels is what regions alone say, the last is what all rounds say.
+        work_dir: Its folder; round 0 of its labels asks no network, and only the last is told every annotated point.
+        paper: Folder of the run with the paper's strategy.
     """
     with config_errors(config):
         dataset = DATASETS.build({**config.val_dataloader.dataset, 'pipeline': []})
-    store, classes = LabelStore(work_dir / 'labels'), len(dataset.classes)
-    counts = {
-        name: np.zeros((classes, classes + 1), dtype=np.int64)
-        for name in ('nearest', 'regions', 'regions_filled', 'rm3d_filled')
-    }
+    store, theirs, classes = LabelStore(work_dir / 'labels'), LabelStore(paper / 'labels'), len(dataset.classes)
+    counts: dict[str, np.ndarray] = {}
     for index, scene in enumerate(dataset.scene_ids):
-        labels, xyz = store.read(scene, 0), dataset.load_cloud(index).xyz
-        hidden = np.where(labels.point_is_annotated, UNLABELLED, dataset.load_truth(index).semantic)
+        first, last, cloud = store.read(scene, 0), store.read(scene, store.rounds()[-1]), dataset.load_cloud(index)
+        hidden = np.where(last.point_is_annotated, UNLABELLED, dataset.load_truth(index).semantic)
+        annotated = np.where(last.point_is_annotated, last.semantic, UNLABELLED)
         said = {
-            'nearest': _nearest(xyz, np.where(labels.point_is_annotated, labels.semantic, UNLABELLED)),
-            'regions': labels.semantic,
-            'regions_filled': _nearest(xyz, labels.semantic),
-            'rm3d_filled': _nearest(xyz, store.read(scene, store.rounds()[-1]).semantic),
+            **without_training(cloud, annotated, classes),
+            'paper_first': _nearest(cloud.xyz, theirs.read(scene, 0).semantic),
+            'paper_filled': _nearest(cloud.xyz, theirs.read(scene, theirs.rounds()[-1]).semantic),
+            'first': first.semantic,
+            'first_filled': _nearest(cloud.xyz, first.semantic),
+            'rm3d_filled': _nearest(cloud.xyz, last.semantic),
         }
         for name, rows in said.items():
-            counts[name] += confusion_counts(rows, hidden, classes)
+            counts[name] = counts.get(name, 0) + confusion_counts(rows, hidden, classes)
     return {name: 100 * float(semantic_scores(count).mean_iou) for name, count in counts.items()}
+
+
+def without_training(
+    cloud: PointCloud, annotated: Int[np.ndarray, ' points'], classes: int
+) -> dict[str, Int[np.ndarray, ' points']]:
+    """What each point is called from the labelled ones and the scan alone, by column."""
+    labelled, scene = np.flatnonzero(annotated >= 0), prepare_cloud(cloud)
+    return {
+        'nearest': _nearest(cloud.xyz, annotated),
+        'walker': walked(plain_walker(scene), labelled, annotated[labelled]),
+        'solver': propagate_prepared(scene, annotated, classes).semantic,
+    }
 
 
 def _nearest(xyz: np.ndarray, semantic: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
@@ -245,11 +291,25 @@ def fill_propagation(scores: Mapping[str, PropagationScores], seed: int) -> Fill
         NamedRow(name, tuple(Cell(f'{row[column]:.1f}', (row[column],)) for column in COLUMNS))
         for name, row in [*found.items(), ('mean', means)]
     )
-    section = Section('', ('scan', *COLUMNS.values()), rows)
+    section = Section('Each scan', ('scan', *COLUMNS.values()), rows)
     return FilledTable(
         title=f'mIoU (%) on the unlabelled points of the same scan; at most 20 labelled points a class, seed {seed}',
         notes=(),
-        sections=(section,),
+        sections=(method_section(means), section),
         records=tuple({'scan': name, 'seed': seed, **row} for name, row in found.items()),
         figure=lambda: bar_figure([section], len(COLUMNS), 'mIoU, percent'),
     )
+
+
+def method_section(means: Mapping[str, float]) -> Section:
+    """A row a method, both strategies among them.
+
+    Args:
+        means: Over the scans, by column of :class:`PropagationScores`.
+    """
+    rows = tuple(
+        NamedRow(name, tuple(Cell('-') if key is None else Cell(f'{means[key]:.1f}', (means[key],)) for key in keys))
+        for name, keys in METHODS.items()
+    )
+    heads = ('network alone', 'labels, the rest by the network', 'labels, the rest as the nearest')
+    return Section('Mean of the scans', ('method', *heads), rows)
