@@ -1,4 +1,4 @@
-"""Options of configs that have another name now, so that an old one is told with the new one."""
+"""Configs and their options that have another name now, so that an old one is told with the new one."""
 
 RENAMED: dict[str, str] = {
     'labeler': 'label_maker',
@@ -75,6 +75,9 @@ RENAMED: dict[str, str] = {
     'strategy.holdout_margin': 'self_training.holdout_margin',
 }
 """Old dotted key -> new one; '' where the option is gone."""
+
+RENAMED_CONFIGS: dict[str, str] = {'rm3d_sem_files_clicks': 'rm3d_sem_files_streets_clicks'}
+"""Old name of a config that comes with RM3D -> new one."""
 
 HINTS: dict[str, str] = {
     'drops': "param_scheduler='${step_schedule}' with milestones of your own",

@@ -8,7 +8,6 @@ DEFAULT: Candidate = 'walker and features'
 CANDIDATES: tuple[Candidate, ...] = get_args(Candidate)
 
 
-
 class NetworkSay(NamedTuple):
     """How a network enters an answer.
 
