@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rm3d_plugin.inference.given_labels import clicked_labels, field_labels
-from rm3d_plugin.inference.label_scan import SAME, SUMMARY, LabelOptions, WrittenScan, check_outputs, label_files
+from rm3d_plugin.inference.label_files import SAME, SUMMARY, LabelOptions, WrittenScan, check_outputs, label_files
 from rm3d_plugin.inference.predict import find_scans
 from rm3d_plugin.inference.predict_formats import FORMATS, check_format
 from rm3d_plugin.storage.columns import ENDINGS
@@ -81,6 +81,7 @@ def told(written: WrittenScan, names: Sequence[str]) -> str:
     lines = [
         f'{written.scan.name}: {found.clicks.sum()} clicks ({counts}) on {len(found.semantic)} points, '
         f'{found.seconds:.1f} s',
+        f'  {written.kind.text()}',
         f'  {found.remark()}',
         *(f'  {path}' for path in written.files),
     ]
