@@ -13,7 +13,7 @@ from mmengine.dataset import pseudo_collate
 from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import features
-from rm3d_plugin.datasets.downsampled import thin_voxels
+from rm3d_plugin.datasets.downsampled import Thinned, thin_voxels
 from rm3d_plugin.datasets.semantic3d_format import GREATEST, LEAST
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.point_fields import predicted_classes
@@ -128,12 +128,7 @@ class Segmenter:
         Raises:
             SceneError: The cloud cannot be used.
         """
-        world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
-        try:
-            thin = thin_voxels(world, self.voxel_downsample)
-            sample = self._sample(cloud if self.voxel_downsample is None else cloud.select(thin.kept), name)
-        except ValueError as error:
-            raise SceneError(f'{name}: {error}') from error
+        thin, sample = self._predicted(cloud, name)
         kept = len(thin.kept)
         probs = scatter_rows(sample.pred_point_probs.numpy(), sample.point_index.numpy(), kept, fill=0)
         found = None
@@ -147,6 +142,28 @@ class Segmenter:
             semantic, confidence = keep_labels(semantic, confidence, self.options.labels, Path(name).stem)
         semantic = np.where(confidence < self.options.unknown_below, -1, semantic)
         return ScanPrediction(semantic[thin.rows], confidence[thin.rows], found)
+
+    def probabilities(self, cloud: PointCloud, name: str = 'scan') -> Float[np.ndarray, 'points classes']:
+        """Class probabilities of all points of a cloud; rows of NaN where the network saw nothing.
+
+        Args:
+            cloud: See :meth:`predict`.
+            name: See :meth:`predict`.
+
+        Raises:
+            SceneError: The cloud cannot be used.
+        """
+        thin, sample = self._predicted(cloud, name)
+        probs = sample.pred_point_probs.float().numpy()
+        return scatter_rows(probs, sample.point_index.numpy(), len(thin.kept), fill=np.nan)[thin.rows]
+
+    def _predicted(self, cloud: PointCloud, name: str) -> tuple[Thinned, Any]:
+        world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
+        try:
+            thin = thin_voxels(world, self.voxel_downsample)
+            return thin, self._sample(cloud if self.voxel_downsample is None else cloud.select(thin.kept), name)
+        except ValueError as error:
+            raise SceneError(f'{name}: {error}') from error
 
     def _sample(self, cloud: PointCloud, name: str) -> Any:
         item: dict[str, Any] = {'scene_id': name, 'index': 0, 'num_points': len(cloud), 'points': features(cloud)}
