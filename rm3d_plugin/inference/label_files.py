@@ -140,43 +140,33 @@ def _nbytes(prepared: _Prepared) -> int:
     )
 
 
-def label_files(
-    scans: Sequence[Path], given: GivenLabels, out: Path, options: LabelOptions | None = None
-) -> Iterator[WrittenScan]:
-    """Label scans one by one, write each, and then :data:`SUMMARY` of all that are done.
+def label_files(files: LabelledFiles, out: Path, summary: Summary) -> Iterator[WrittenScan]:
+    """Label scans one by one and write each; ``summary`` tells of all that are done.
 
     Args:
-        scans: Files, those of ``given``.
-        given: Their labels.
+        files: The scans and their labels.
         out: Folder.
-        options: None: the defaults.
+        summary: Of the folder.
 
     Yields:
         Each scan when it is written.
 
     Raises:
-        ConfigError: See :func:`check_outputs`, the classes are not those of the benchmark, or nothing teaches a scan.
+        ConfigError: The classes are not those of the benchmark, or nothing teaches a scan.
         SceneError: A scan cannot be used; scans already written stay.
     """
-    options = options or LabelOptions()
-    check_outputs(scans, (), out, options)
-    files, summary = LabelledFiles(scans, given, options), Summary(out, given)
-    besides = {scan.stem: files.beside(scan) for scan in scans}  # what cannot be is told before anything is written
-    for scan in tqdm(scans, desc='label', unit='scan', disable=None):
+    given, options = files.given, files.options
+    besides = [files.beside(scan) for scan in files.scans]  # what cannot be is told before anything is written
+    pairs = zip(files.scans, besides, strict=True)
+    for scan, beside in tqdm(pairs, desc='label', unit='scan', total=len(besides), disable=None):
         prepared = files.prepared(scan)
-        cloud = prepared.scene.cloud
-        annotated = files.annotated(scan, len(cloud))
+        scene = prepared.scene
+        annotated = files.annotated(scan, len(scene.cloud))
         found = label_prepared(
-            prepared.scene,
-            annotated,
-            len(given.names),
-            options.check,
-            options.seed,
-            besides[scan.stem],
-            prepared.seconds,
+            scene, annotated, len(given.names), options.check, options.seed, beside, prepared.seconds
         )
-        paths = write_scan(scan, prepared.columns, cloud, found, given, out, options.format)
-        written = WrittenScan(scan, scan_kind(cloud), found, paths)
+        paths = write_scan(scan, prepared.columns, scene.cloud, found, given, out, options.format)
+        written = WrittenScan(scan, scan_kind(scene.cloud), found, paths)
         summary.add(scan.stem, summary_of(written, given))
         yield written
 

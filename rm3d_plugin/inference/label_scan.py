@@ -34,6 +34,7 @@ class LabelledScan:
         estimate: Of the mean IoU on the points without a label; None where none is possible.
         checked: Labels were to be left out.
         seconds: It took.
+        method: What was taken.
         network_weight: Pull of a network, 0: it has no say.
     """
 
@@ -45,12 +46,8 @@ class LabelledScan:
     estimate: Estimate | None
     checked: bool
     seconds: float
+    method: str
     network_weight: float = 0.0
-
-    @property
-    def method(self) -> str:
-        """What was taken."""
-        return 'walker, features and network' if self.network_weight else self.choice.candidate
 
     def remark(self) -> str:
         """The estimate, or why there is none, and what was taken."""
@@ -124,6 +121,7 @@ def label_prepared(
         estimate=found.estimate,
         checked=check,
         seconds=seconds + time.perf_counter() - began,
+        method='walker, features and network' if found.network_weight else found.choice.candidate,
         network_weight=found.network_weight,
     )
 

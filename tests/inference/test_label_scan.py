@@ -7,7 +7,8 @@ from corner_scan import FLOOR, WALL, corner, few, write_clicks_csv
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.given_labels import clicked_labels, field_labels
-from rm3d_plugin.inference.label_files import LabelOptions, check_outputs, label_files
+from rm3d_plugin.inference.label_files import LabelledFiles, LabelOptions, Summary, check_outputs
+from rm3d_plugin.inference.label_files import label_files as write_labels
 from rm3d_plugin.inference.label_scan import label_scan
 from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.storage.ply import read_ply, write_ply
@@ -18,6 +19,12 @@ def annotated_with(points, semantic):
     out = np.full(len(semantic), -1, dtype=np.int64)
     out[points] = semantic[points]
     return out
+
+
+def label_files(scans, given, out, options=None):
+    """Label scans into a folder, one by one."""
+    files = LabelledFiles(scans, given, options or LabelOptions())
+    return write_labels(files, out, Summary(out, given))
 
 
 @pytest.fixture
@@ -252,4 +259,6 @@ def test_regions_partition_the_scan_and_hardly_cross_the_edge():
     _, first = np.unique(region, return_index=True)
     assert (np.diff(first) > 0).all()  # numbered by their first point
     walls = np.bincount(region, semantic == WALL)
-    assert np.maximum(walls, counts - walls).sum() / len(xyz) > 0.95  # regions of 50 points at the edge hold some of both
+    assert (
+        np.maximum(walls, counts - walls).sum() / len(xyz) > 0.95
+    )  # regions of 50 points at the edge hold some of both
