@@ -140,6 +140,26 @@ def _nbytes(prepared: _Prepared) -> int:
     )
 
 
+class Summary:
+    """:data:`SUMMARY` of a folder, written anew whenever a scan is added.
+
+    Args:
+        out: The folder.
+        given: Names and numbers of the classes.
+    """
+
+    def __init__(self, out: Path, given: GivenLabels) -> None:
+        self._path = out / SUMMARY
+        pairs = zip(given.names, given.values, strict=True)
+        self._content: dict[str, Any] = {'classes': [{'label': value, 'name': name} for name, value in pairs]}
+        self._content['scans'] = {}
+
+    def add(self, name: str, entry: dict[str, Any]) -> None:
+        """Say something of a scan, in place of what was said before."""
+        self._content['scans'][name] = entry
+        write_json(self._path, self._content)
+
+
 def label_files(files: LabelledFiles, out: Path, summary: Summary) -> Iterator[WrittenScan]:
     """Label scans one by one and write each; ``summary`` tells of all that are done.
 
@@ -199,26 +219,6 @@ def write_scan(
         return [write_labelled(scan, out / target_name(scan, SAME), columns, added)]
     said = ScanPrediction(found.semantic if kind in BENCHMARKS else label, found.confidence)
     return write_prediction(kind, out, output_name(scan, kind), cloud, said, given.names)
-
-
-class Summary:
-    """:data:`SUMMARY` of a folder, written anew whenever a scan is added.
-
-    Args:
-        out: The folder.
-        given: Names and numbers of the classes.
-    """
-
-    def __init__(self, out: Path, given: GivenLabels) -> None:
-        self._path = out / SUMMARY
-        pairs = zip(given.names, given.values, strict=True)
-        self._content: dict[str, Any] = {'classes': [{'label': value, 'name': name} for name, value in pairs]}
-        self._content['scans'] = {}
-
-    def add(self, name: str, entry: dict[str, Any]) -> None:
-        """Say something of a scan, in place of what was said before."""
-        self._content['scans'][name] = entry
-        write_json(self._path, self._content)
 
 
 def summary_of(written: WrittenScan, given: GivenLabels) -> dict[str, Any]:

@@ -52,7 +52,7 @@ class TrainingOptions:
 
 
 class Pace(NamedTuple):
-    """Seconds of an epoch, and of what comes with a round beside: labels, predictions, validation, report."""
+    """Seconds of an epoch, and of what comes with a round beside: labels, predictions, validation."""
 
     epoch: float
     beside: float
@@ -134,6 +134,7 @@ def _measure(kind: Kind, folder: Path, settings: Mapping[str, Any]) -> Pace:
 
 def _config(kind: Kind, work_dir: Path, settings: Mapping[str, Any]) -> Config:
     config = load_config(f'rm3d_sem_files_{kind}_clicks', work_dir, options=settings)
+    config.custom_hooks = [hook for hook in config.custom_hooks if hook.type != 'ReportHook']  # it takes as long again
     set_threads(int(config.threads))
     init_default_scope(SCOPE)
     return config
@@ -155,7 +156,7 @@ def _epochs(rounds: int, sigma: int, epoch_seconds: float) -> dict[str, Any]:
 
 def _inputs(files: LabelledFiles, folder: Path, place: bool) -> dict[str, Any]:
     """Write clicks and the list of scans, and return the keys that name them and what the scans hold."""
-    given, clicks = files.given, folder / 'clicks.json'
+    given, clicks, named = files.given, folder / 'clicks.json', files.options.columns
     write_clicks(clicks, clicks_of(given), given.names)
     write_text(folder / 'scans.txt', ''.join(f'{scan.resolve()}\n' for scan in files.scans))
     clouds = [files.prepared(scan).scene.cloud for scan in files.scans]
@@ -168,7 +169,7 @@ def _inputs(files: LabelledFiles, folder: Path, place: bool) -> dict[str, Any]:
         'cache_dir': str(folder / 'cache'),
         'class_names': list(given.names),
         'num_classes': len(given.names),
-        'columns': files.options.columns or {'label': None},
+        **({'columns': named} if named else {'columns._delete_': True, 'columns.label': None}),
         'other_labels': 'ignore',
         'intensity_range': brightest if brightest > 1 else None,
         'point_columns': [*sensed, *OWN],
