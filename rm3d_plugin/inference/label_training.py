@@ -174,7 +174,7 @@ def _inputs(files: LabelledFiles, folder: Path, place: bool) -> dict[str, Any]:
         'intensity_range': brightest if brightest > 1 else None,
         'point_columns': [*sensed, *OWN],
         'use_columns': [*sensed, *(OWN if place else OWN[:1])],
-        'log_level': 'WARNING',
+        'log_level': 'ERROR',
     }
 
 
