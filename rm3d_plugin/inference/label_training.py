@@ -87,8 +87,8 @@ def plan_schedule(seconds: float, pace: Pace) -> Schedule:
             return Schedule(rounds, sigma)
     needed = (PACE_EPOCHS + LEAST_EPOCHS) * pace.epoch + 3 * pace.beside
     raise ConfigError(
-        f'--train: the time is too short: an epoch takes {pace.epoch:.1f} s, labels and predictions {pace.beside:.1f} s; '
-        f'give at least {np.ceil(needed / USED / 6) / 10:.1f} minutes; the first labels stand'
+        f'--train: the time is too short: an epoch takes {pace.epoch:.1f} s, '
+        f'labels and predictions {pace.beside:.1f} s; give at least {np.ceil(needed / USED / 6) / 10:.1f} minutes; the first labels stand'
     )
 
 
@@ -141,7 +141,7 @@ def _config(kind: Kind, work_dir: Path, settings: Mapping[str, Any]) -> Config:
 
 
 def _epochs(rounds: int, sigma: int, epoch_seconds: float) -> dict[str, Any]:
-    """Keys of a schedule. Labels are refreshed once more after the run, which therefore never tells those that judge."""
+    """Keys of a schedule; the set of labels that is made of all, judges among them, would come after the run."""
     later = [(rounds - 1) * sigma] if rounds > 1 else []
     return {
         'rounds': rounds,

@@ -21,6 +21,7 @@ from rm3d_plugin.storage.ply import read_ply, write_ply
 from rm3d_plugin.structures import PointCloud
 
 TINY = ['widths=[8,16]', 'voxel_size=0.3', 'threads=1', 'learning_rate=0.01']
+FEW = ['rounds=1', 'sigma=8', 'periods=[8]', 'restart_weights=[1]']  # the time that is left is not used
 
 
 @pytest.mark.parametrize(
@@ -58,14 +59,14 @@ def test_the_columns_are_those_that_all_scans_have():
 
 @pytest.fixture(scope='module')
 def run(tmp_path_factory):
-    """A corner with clicks and one without, half a minute."""
+    """A corner with clicks and one without."""
     folder = tmp_path_factory.mktemp('label')
     xyz, semantic = corner()
     for name in ('corner', 'other'):
         write_ply(folder / f'{name}.ply', {axis: xyz[:, i].astype(np.float32) for i, axis in enumerate('xyz')})
     clicks = write_clicks_csv(folder / 'clicks.csv', 'corner', few(semantic, 10), semantic)
-    arguments = [str(folder / 'corner.ply'), '--clicks', str(clicks), '--out', str(folder / 'out'), '--train', '0.3']
-    arguments += ['--more', str(folder / 'other.ply'), '--cfg-options', *TINY]
+    arguments = [str(folder / 'corner.ply'), '--clicks', str(clicks), '--out', str(folder / 'out'), '--train', '5']
+    arguments += ['--more', str(folder / 'other.ply'), '--cfg-options', *TINY, *FEW]
     code, log = tiny_runs.run(folder / 'log.txt', partial(tiny_runs.command, 'label', folder, arguments))
     assert code == 0, log
     return folder, log, semantic
@@ -73,7 +74,7 @@ def run(tmp_path_factory):
 
 def test_the_network_is_judged_and_further_scans_are_predicted(run):
     folder, log, semantic = run
-    assert 'training by rm3d_sem_files_rooms_clicks for 0.3 min' in log
+    assert 'training by rm3d_sem_files_rooms_clicks for 5 min' in log
     assert 'clicks that the network was not taught' in log and 'other.ply: predicted by the network' in log
     first, other = (read_ply(folder / 'out' / f'{name}.ply') for name in ('corner', 'other'))
     assert (first['label'] == semantic).mean() > 0.97

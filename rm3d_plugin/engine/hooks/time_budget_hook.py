@@ -38,7 +38,7 @@ class TimeBudgetHook(Hook):
         if self._bar is not None:
             self._bar.update()
         if time.monotonic() > self._until:
-            runner.train_loop.stop_training = True  # type: ignore[attr-defined]
+            runner.train_loop.stop_training = True
 
     def after_train(self, runner: Runner) -> None:
         """End the bar."""
