@@ -16,7 +16,7 @@ from rm3d_plugin.storage import LabelStore, write_npz
 from rm3d_plugin.storage.ply import write_ply
 from rm3d_plugin.storage.scans import read_scan
 
-CONFIG = Path(__file__).resolve().parents[2] / 'configs' / 'rm3d_sem_files_clicks.py'
+CONFIG = Path(__file__).resolve().parents[2] / 'configs' / 'rm3d_sem_files_streets_clicks.py'
 UTM = np.array([500_123.456789, 5_411_932.765432, 312.9])  # m
 OPTIONS = {
     'class_names': list(CLASSES),
