@@ -82,7 +82,7 @@ class ScanKnowledge:
         """Power of the probabilities by which answers are right as often as they say."""
         return sharpness_of(self.checked)
 
-    def estimate(self, shares: Sequence[Float[np.ndarray, 'points classes']]) -> Estimate | None:
+    def estimate(self, shares: Sequence[Float[np.ndarray, '_ classes']]) -> Estimate | None:
         """Of the mean IoU of answers over all scans, from the labels that were left out.
 
         Args:
