@@ -38,7 +38,7 @@ class ScanKind(NamedTuple):
         even = f'points are spread over the plan with an evenness of {self.evenness:.2f}'
         return {
             'rooms': f'rooms: the scan is {self.length:.0f} m long, up to {ROOMY:.0f} m are',
-            'streets': f'streets: the scan is {self.length:.0f} m long, and {even}, from the air it is {EVEN:g} or more',
+            'streets': f'streets: the scan is {self.length:.0f} m long, and {even}; from the air it is {EVEN:g} up',
             'airborne': f'airborne: {even}, from {EVEN:g} on a scan is from the air',
         }[self.kind]
 
@@ -47,8 +47,8 @@ def scan_kind(cloud: PointCloud) -> ScanKind:
     """Tell the kind of a scan.
 
     What is small is a room. Of what is large, each square of the plan holds about as many points as another where it
-    was seen from the air: the distance to the sensor hardly differs, and walls are hardly seen. A scanner that stands or
-    drives has far more points near it and on walls.
+    was seen from the air: the distance to the sensor hardly differs, and walls are hardly seen. A scanner that stands
+    or drives has far more points near it and on walls.
 
     Args:
         cloud: At least one point, metres, z up.
