@@ -33,7 +33,7 @@ EXAMPLES = """examples:
   rm3d label street.ply --clicks clicks.csv --out labelled/ --train 20 --more others/
 
 clicks.csv, by place (metres, as in the scan) or by the number of the point:
-  scene,x,y,z,class            scene,index,class
+  scene,x,y,z,class                   scene,index,class
   street,12.31,-4.02,0.11,ground      street,4711,ground
 
 The labels without training are written first, always. --train replaces them where clicks

@@ -87,9 +87,8 @@ def plan_schedule(seconds: float, pace: Pace) -> Schedule:
             return Schedule(rounds, sigma)
     needed = (PACE_EPOCHS + LEAST_EPOCHS) * pace.epoch + 3 * pace.beside
     raise ConfigError(
-        f'--train: the time is too short: an epoch takes {pace.epoch:.1f} s, '
-        f'labels and predictions {pace.beside:.1f} s; give at least {np.ceil(needed / USED / 6) / 10:.1f} minutes; '
-        'the first labels stand'
+        f'--train: the time is too short: an epoch takes {pace.epoch:.1f} s, labels and predictions '
+        f'{pace.beside:.1f} s; give at least {np.ceil(needed / USED / 6) / 10:.1f} minutes; the first labels stand'
     )
 
 

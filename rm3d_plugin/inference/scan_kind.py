@@ -38,7 +38,7 @@ class ScanKind(NamedTuple):
         even = f'points are spread over the plan with an evenness of {self.evenness:.2f}'
         return {
             'rooms': f'rooms: the scan is {self.length:.0f} m long, up to {ROOMY:.0f} m are',
-            'streets': f'streets: the scan is {self.length:.0f} m long, and {even}, from the air {EVEN:g} or more',
+            'streets': f'streets: the scan is {self.length:.0f} m long, and {even}; from the air it is {EVEN:g} up',
             'airborne': f'airborne: {even}, from {EVEN:g} on a scan is from the air',
         }[self.kind]
 
