@@ -5,14 +5,14 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 DEMO := rm3d_votenet_kitti_1pct
 
-.PHONY: setup demo test lint types layers bench docs clean
+.PHONY: setup demo test fuzz lint types layers bench docs clean
 
 setup: $(STAMP)
 
 $(STAMP): setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet -c constraints.txt 'setuptools>=77.0.3,<82' wheel
-	$(BIN)/pip install --quiet -c constraints.txt --no-build-isolation -e '.[test,docs]'
+	$(BIN)/pip install --quiet -c constraints.txt --no-build-isolation -e '.[test,docs,las]'
 	touch $(STAMP)
 
 demo: $(STAMP)
@@ -20,6 +20,9 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -q
+
+fuzz: $(STAMP)
+	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -42,9 +42,12 @@ TRANSFORMS = PartRegistry(
 )
 METRICS = PartRegistry('metric', parent=parent.METRICS, scope=SCOPE, locations=['rm3d_plugin.evaluation'])
 HOOKS = PartRegistry(
-    'hook', parent=parent.HOOKS, scope=SCOPE, locations=['rm3d_plugin.engine', 'rm3d_plugin.reporting.report_hook']
+    'hook',
+    parent=parent.HOOKS,
+    scope=SCOPE,
+    locations=['rm3d_plugin.engine.hooks', 'rm3d_plugin.reporting.report_hook'],
 )
-LOOPS = PartRegistry('loop', parent=parent.LOOPS, scope=SCOPE, locations=['rm3d_plugin.engine'])
+LOOPS = PartRegistry('loop', parent=parent.LOOPS, scope=SCOPE, locations=['rm3d_plugin.engine.loops'])
 TASK_UTILS = PartRegistry('task util', parent=parent.TASK_UTILS, scope=SCOPE, locations=['rm3d_plugin.labeling'])
 
 DESCRIPTORS = PartRegistry('descriptor', scope=SCOPE, locations=['rm3d_plugin.descriptors'])

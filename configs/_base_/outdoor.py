@@ -177,10 +177,8 @@ region_seeds = 'none'  # 'annotated': regions grow from the annotated points fir
 graph_neighbors = 8
 max_gap = 0.6  # m between adjacent regions
 propagate = True  # False: training sees the annotated points alone
-strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it
-walker = (
-    dict()
-)  # labels spread by a random walk: walker.accept=.7 for purer ones; None: regions merge by the rules below
+strategy = 'default'  # labels spread by a random walk; 'regions': regions merge; 'paper': by `merge` alone
+walker = dict()  # walker.accept=.7, say, for fewer and purer labels
 random_walk = dict()
 merge = dict(rounds='${label_refreshes}', centre_distance=1.0)
 propagation = dict(max_extent=3.0)

@@ -1,13 +1,11 @@
 """The arguments by which commands find their config."""
 
 import argparse
+from pathlib import Path
 
 from mmengine.config import Config, DictAction
-from mmengine.dist import barrier, is_main_process
-from mmengine.registry import init_default_scope
 
 from rm3d_plugin.engine.config import ConfigError, load_config
-from rm3d_plugin.engine.run import DEMO_NOTE, set_threads
 from rm3d_plugin.registry import SCOPE
 
 
@@ -30,6 +28,15 @@ def add_config_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def check_config(args: argparse.Namespace) -> None:
+    """Look at the arguments before anything that takes long is imported.
+
+    Raises:
+        ConfigError: As :func:`config_of`, but for demo data.
+    """
+    load_config(args.config, args.work_dir, args.demo, args.cfg_options)
+
+
 def config_of(args: argparse.Namespace) -> Config:
     """Read the config that the arguments name, and make the demo data if they ask for a demo.
 
@@ -37,6 +44,12 @@ def config_of(args: argparse.Namespace) -> Config:
         ConfigError: No such config, a bad reference, or an option for a key that the config does not have.
     """
     config = load_config(args.config, args.work_dir, args.demo, args.cfg_options)
+
+    from mmengine.dist import barrier  # torch takes seconds; a wrong config is told before
+    from mmengine.registry import init_default_scope
+
+    from rm3d_plugin.engine.run import set_threads
+
     set_threads(int(config.threads))
     init_default_scope(SCOPE)
     if args.demo:
@@ -46,12 +59,18 @@ def config_of(args: argparse.Namespace) -> Config:
 
 
 def _make_demo_data(config: Config) -> None:
+    from mmengine.dist import is_main_process
+
     from rm3d_plugin.datasets.synthetic import make_demo  # virtual sensors take seconds to import
+    from rm3d_plugin.engine.run import DEMO_NOTE
+    from rm3d_plugin.storage.locks import waiting_lock
 
     if not is_main_process():
         return
     try:
         print(DEMO_NOTE)
-        make_demo(config.data_root, **config.demo_data)
+        root = Path(config.data_root)
+        with waiting_lock(root.parent / f'.{root.name}.lock'):  # two runs may want the same data
+            make_demo(config.data_root, **config.demo_data)
     except ValueError as error:  # a folder that holds real data is left alone
         raise ConfigError(f'--demo: {error}') from error

@@ -5,9 +5,11 @@ import ast
 import importlib
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from rm3d_plugin import __version__
+from rm3d_plugin.commands.user_errors import exit_code
 
 NAMES = (
     'train',
@@ -38,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run(parser.parse_args(words[:1]).command, words[1:])
 
 
+_RESUME = 'go on with --resume'
 _MORE = "'rm3d COMMAND --help' tells the arguments of a command."
 
 
@@ -54,9 +57,11 @@ def run(name: str, arguments: Sequence[str] | None = None) -> int:
         name: One of :data:`NAMES`.
         arguments: Of the command; default: those of this process.
     """
-    from rm3d_plugin.commands.user_errors import exit_code  # takes seconds; `rm3d --help` does not need it
+    return exit_code(partial(_run, name), arguments, _RESUME if name == 'train' else '')
 
-    return exit_code(importlib.import_module(f'rm3d_plugin.commands.{name}').main, arguments)
+
+def _run(name: str, arguments: Sequence[str] | None) -> None:
+    importlib.import_module(f'rm3d_plugin.commands.{name}').main(arguments)
 
 
 if __name__ == '__main__':

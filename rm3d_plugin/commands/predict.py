@@ -37,6 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     points.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
     points.add_argument(
+        '--drop-nan', action='store_true', help='leave out points whose place is NaN, as organised PCD has them'
+    )
+    points.add_argument(
         '--intensity-range', type=float, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
     )
     points.add_argument(
@@ -58,6 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         unknown_below=args.unknown_below,
         columns=args.columns,
         intensity_range=None if args.intensity_range is None else tuple(args.intensity_range),
+        nan_points='drop' if args.drop_nan else 'error',
         labels=args.labels,
         fill=args.fill,
     )

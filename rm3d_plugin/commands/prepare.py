@@ -3,8 +3,7 @@
 import argparse
 from collections.abc import Sequence
 
-from rm3d_plugin.commands.config_arguments import add_config_arguments, config_of
-from rm3d_plugin.engine.run import prepare
+from rm3d_plugin.commands.config_arguments import add_config_arguments, check_config, config_of
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -13,4 +12,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add_config_arguments(parser)
     parser.add_argument('--jobs', type=int, default=1, help='processes; default 1')
     args = parser.parse_args(arguments)
+    check_config(args)
+
+    from rm3d_plugin.engine.run import prepare  # torch takes seconds; a wrong config is told before
+
     prepare(config_of(args), jobs=args.jobs)

@@ -2,11 +2,12 @@
 
 import argparse
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from rm3d_plugin.commands.config_arguments import add_config_arguments, config_of
-from rm3d_plugin.engine.run import Evaluation, evaluate
-from rm3d_plugin.evaluation.kitti_table import format_table
-from rm3d_plugin.evaluation.point_fields import format_columns
+from rm3d_plugin.commands.config_arguments import add_config_arguments, check_config, config_of
+
+if TYPE_CHECKING:
+    from rm3d_plugin.engine.run import Evaluation
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -20,6 +21,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     points.add_argument('--chunk', dest='chunk_size', type=float, metavar='METRES', help='in chunks of this edge')
     points.add_argument('--max-points', type=int, help='in chunks of at most so many points')
     args = parser.parse_args(arguments)
+    check_config(args)
+
+    from rm3d_plugin.engine.run import evaluate  # torch takes seconds; a wrong config is told before
+
     config = config_of(args)
     wanted = {name: getattr(args, name) for name in ('tta_rotations', 'flip', 'chunk_size', 'max_points')}
     wanted = {name: value for name, value in wanted.items() if value is not None}
@@ -28,8 +33,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(metric_table(evaluate(config, args.checkpoint)))
 
 
-def metric_table(found: Evaluation) -> str:
+def metric_table(found: 'Evaluation') -> str:
     """Detection: a line for each class, metric and threshold; else a line for each number."""
+    from rm3d_plugin.evaluation.kitti_table import format_table
+    from rm3d_plugin.evaluation.point_fields import format_columns
+
     boxes = [record for record in found.records if record.table == 'boxes']
     if boxes:
         return format_table(boxes)

@@ -4,13 +4,7 @@ import argparse
 import os
 from collections.abc import Sequence
 
-from mmengine.dist import is_main_process
-
-from rm3d_plugin.commands.config_arguments import add_config_arguments, config_of
-from rm3d_plugin.engine.distributed import joined_processes
-from rm3d_plugin.engine.hooks.run_record_hook import final_records, last_summary, read_record
-from rm3d_plugin.engine.run import DEMO_NOTE, train
-from rm3d_plugin.reporting.scores import final_text
+from rm3d_plugin.commands.config_arguments import add_config_arguments, check_config, config_of
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -23,14 +17,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
         action='store_true',
         help='with --resume: go on with clicks that were added to their file; the last round is made again with them',
     )
+    parser.add_argument('--overwrite', action='store_true', help='replace the run that the work dir holds')
     parser.add_argument('--amp', action='store_true', help='mixed precision: float16 on a GPU, bfloat16 on a CPU')
     parser.add_argument('--launcher', choices=['none', 'pytorch', 'slurm', 'mpi'], default='none')
     parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args(arguments)
     os.environ.setdefault('LOCAL_RANK', str(args.local_rank))
+    check_config(args)
+
+    from mmengine.dist import is_main_process  # torch takes seconds; a wrong config is told before
+
+    from rm3d_plugin.engine.distributed import joined_processes
+    from rm3d_plugin.engine.hooks.run_record_hook import final_records, last_summary, read_record
+    from rm3d_plugin.engine.run import DEMO_NOTE, train
+    from rm3d_plugin.reporting.scores import final_text
+
     with joined_processes(args.launcher):
         config = config_of(args)
-        work_dir = train(config, args.resume, args.amp, args.launcher, args.add_clicks)
+        work_dir = train(config, args.resume, args.amp, args.launcher, args.overwrite, args.add_clicks)
         main_process = is_main_process()
     if main_process:
         record = read_record(work_dir)

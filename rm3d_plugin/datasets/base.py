@@ -237,12 +237,14 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         }
 
     def _without_bad_scenes(self, scene_ids: tuple[str, ...]) -> tuple[str, ...]:
-        reasons: dict[str, SceneError] = {}
+        reasons: dict[str, str] = {}
         for index, scene_id in enumerate(scene_ids):
             try:
                 self.check_scene(index)
             except SceneError as error:
-                reasons[scene_id] = error
+                reasons[scene_id] = str(error)
+            except Exception as error:  # a damaged file shows as anything from zlib.error to OSError
+                reasons[scene_id] = f'{type(error).__name__}: {error}'
         if reasons and len(reasons) < len(scene_ids):
             first = '; '.join(f'{name}: {error}' for name, error in list(reasons.items())[:3])
             more = '; ...' if len(reasons) > 3 else ''

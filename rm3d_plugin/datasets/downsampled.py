@@ -7,7 +7,10 @@ A network sees the kept points, labels and budgets are about them, and predictio
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+
+from rm3d_plugin.storage.coordinates import warn_of_strays
+from rm3d_plugin.structures import stray_points
 
 REACH = 2**20  # cells to either side of the first point that fit a cell's number
 
@@ -77,17 +80,17 @@ class VoxelThinner:
         return Thinned(first[order].astype(np.int64), row[inverse.reshape(-1)])
 
     def _cell_codes(self, xyz: Float[np.ndarray, 'points 3']) -> Int[np.ndarray, ' points']:
-        cells = np.floor(np.asarray(xyz, dtype=np.float64) / self.size).astype(np.int64)
-        if self._anchor is None and len(cells):
-            self._anchor = cells[0].copy()
+        real = np.floor(np.asarray(xyz, dtype=np.float64) / self.size)  # integers would overflow unseen
+        if self._anchor is None and len(real):
+            self._anchor = real[0].copy()
         if self._anchor is not None:
-            cells -= self._anchor
-        if len(cells) and np.abs(cells).max() >= REACH:
+            real -= self._anchor
+        if len(real) and not np.abs(real).max() < REACH:
             raise ValueError(
-                f'thinning to {self.size} m: a point lies {np.abs(cells).max() * self.size:.0f} m from the first one, '
+                f'thinning to {self.size} m: a point lies {np.abs(real).max() * self.size:.0f} m from the first one, '
                 f'the grid reaches {REACH * self.size:.0f} m; remove stray points or use larger voxels'
             )
-        shifted = cells + REACH
+        shifted = real.astype(np.int64) + REACH
         return (shifted[:, 0] * (2 * REACH) + shifted[:, 1]) * (2 * REACH) + shifted[:, 2]
 
 
@@ -107,6 +110,41 @@ def thin_voxels(xyz: Float[np.ndarray, 'points 3'], size: float | None) -> Thinn
     if size is None:
         return Thinned(np.arange(len(xyz)), np.arange(len(xyz)))
     return VoxelThinner(size).add(xyz)
+
+
+class KeptPoints(NamedTuple):
+    """A scene without its stray points, thinned.
+
+    Attributes:
+        kept: (n,) int64 numbers of the points that stay, ascending.
+        rows: (N,) int64 row of ``kept`` that stands for each point; 0, which means nothing, for a stray one.
+        stray: (N,) bool; nobody stands for these.
+    """
+
+    kept: Int[np.ndarray, ' kept']
+    rows: Int[np.ndarray, ' points']
+    stray: Bool[np.ndarray, ' points']
+
+
+def keep_points(xyz: Float[np.ndarray, 'points 3'], size: float | None, name: str) -> KeptPoints:
+    """Leave out stray points with a warning that names them, and thin the others.
+
+    Args:
+        xyz: (N, 3) metres, world frame, finite.
+        size: See :func:`thin_voxels`.
+        name: Of the scene, for the warning.
+
+    Raises:
+        ValueError: See :func:`thin_voxels`.
+    """
+    stray = stray_points(xyz)
+    if not stray.any():
+        return KeptPoints(*thin_voxels(xyz, size), stray)
+    warn_of_strays(stray, xyz, name, 'they are left out, their class is unknown')
+    thin = thin_voxels(xyz[~stray], size)
+    rows = np.zeros(len(xyz), dtype=np.int64)
+    rows[~stray] = thin.rows
+    return KeptPoints(np.flatnonzero(~stray)[thin.kept], rows, stray)
 
 
 def check_voxel(size: float) -> float:

@@ -11,7 +11,7 @@ from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, numbers_of_things, only_things
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
-from rm3d_plugin.storage.scans import COLOR_RANGES, ColorRange, Scan, map_labels, read_scan
+from rm3d_plugin.storage.scans import COLOR_RANGES, ColorRange, NanPoints, Scan, map_labels, read_scan
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 
 Split = Literal['train', 'val', 'test']
@@ -48,6 +48,8 @@ class FilesDataset(SegmentationDataset):
         other_labels: What becomes of labels that ``label_map`` does not list: an error, or ignored.
         color_range: See :func:`rm3d_plugin.storage.scans.read_scan`; state it for dark scans in 16-bit colours.
         intensity_range: What the intensity is divided by; None: as in the file.
+        nan_points: See :func:`rm3d_plugin.storage.scans.read_scan`; 'drop' leaves out what organised PCD holds where
+            nothing came back. Clicks by number then count the points that are kept.
         cache: See :class:`SegmentationDataset`; text and LAZ are kept there.
         common: Arguments of :class:`SegmentationDataset` and :class:`SceneDataset`.
     """
@@ -65,11 +67,13 @@ class FilesDataset(SegmentationDataset):
         other_labels: OtherLabels = 'error',
         color_range: ColorRange = 'auto',
         intensity_range: float | None = None,
+        nan_points: NanPoints = 'error',
         cache: str | Path | None = 'work_dirs/scene_cache',
         **common: Any,
     ) -> None:
         check_choice('split', split, get_args(Split))
         check_choice('other_labels', other_labels, get_args(OtherLabels))
+        check_choice('nan_points', nan_points, get_args(NanPoints))
         check_choice('color_range', color_range, COLOR_RANGES)
         super().__init__(split, cache=cache, classes=classes, **common)
         if intensity_range is not None and not intensity_range > 0:
@@ -85,6 +89,7 @@ class FilesDataset(SegmentationDataset):
         self.other_labels: OtherLabels = other_labels
         self.color_range = color_range
         self.intensity_range = intensity_range
+        self.nan_points: NanPoints = nan_points
         self._paths: dict[str, Path] = {}
 
     # ------------------------------------------------------------------ scenes
@@ -157,7 +162,7 @@ class FilesDataset(SegmentationDataset):
 
     def _scan(self, path: Path) -> Scan:
         options: dict[str, Any] = {'columns': self.columns, 'color_range': self.color_range}
-        options['labels'] = len(self.classes) > 0
+        options |= {'labels': len(self.classes) > 0, 'nan_points': self.nan_points}
         if path.suffix.lower() not in SLOW or not path.is_file():
             return read_scan(path, **options)
         return Scan.from_arrays(self.parsed('files', (path,), lambda: read_scan(path, **options).to_arrays(), options))

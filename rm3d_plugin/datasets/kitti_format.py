@@ -15,11 +15,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rm3d_plugin.storage import write_text
+from rm3d_plugin.storage.float_records import check_float_width
 from rm3d_plugin.structures import Boxes3D, SceneError
 
 IMAGE_SIZE = (1242, 375)  # pixels, width and height of most KITTI images
 NEAR = 0.1  # m; what is closer to the image plane than this is cut off before projecting
 DONT_CARE = 'DontCare'
+TYPES = ('Car', 'Van', 'Truck', 'Pedestrian', 'Person_sitting', 'Cyclist', 'Tram', 'Misc', DONT_CARE)
+_SPELLING = {name.lower(): name for name in TYPES}
 _FIELDS = ('truncated', 'occluded', 'alpha', 'x1', 'y1', 'x2', 'y2', 'h', 'w', 'l', 'x', 'y', 'z', 'ry', 'score')
 _PNG_SIGNATURE = b'\x89PNG\r\n\x1a\n'
 
@@ -108,7 +111,7 @@ class KittiObject:
     """One line of a KITTI label or result file; the names and the order are KITTI's.
 
     Attributes:
-        type: Class name ('Car', 'Pedestrian', 'Cyclist', 'Van', ..., 'DontCare').
+        type: Class name, of :data:`TYPES` or another; files may spell these in small letters.
         truncated: Share of the object outside the image, in [0, 1]; -1 where unknown.
         occluded: 0 visible, 1 partly, 2 largely occluded, 3 unknown; -1 in DontCare and in results.
         alpha: Observation angle in radians, [-pi, pi].
@@ -189,7 +192,8 @@ def read_objects(path: Path | str) -> list[KittiObject]:
         height, width, length, x, y, z, ry = v[7:14]
         score = v[14] if len(v) == 15 else None
         box = (v[3], v[4], v[5], v[6])
-        item = KittiObject(words[0], v[0], int(v[1]), v[2], box, height, width, length, x, y, z, ry, score)
+        name = _SPELLING.get(words[0].lower(), words[0])
+        item = KittiObject(name, v[0], int(v[1]), v[2], box, height, width, length, x, y, z, ry, score)
         objects.append(item)
     return objects
 
@@ -224,7 +228,7 @@ def format_object(item: KittiObject, full_precision: bool = False) -> str:
 
 
 def objects_to_boxes(objects: Sequence[KittiObject], calib: KittiCalib, classes: Sequence[str]) -> Boxes3D:
-    """Labels as boxes in the lidar frame; objects of other classes are left out.
+    """Labels as boxes in the lidar frame; objects of other classes are left out, case aside.
 
     The lidar's z axis and the camera's -y axis are not exactly parallel. As in mmdetection3d the bottom centre moves
     exactly, the box then stands upright in the lidar frame, and yaw = -ry - pi/2.
@@ -232,14 +236,15 @@ def objects_to_boxes(objects: Sequence[KittiObject], calib: KittiCalib, classes:
     Raises:
         ValueError: A size is not positive.
     """
-    kept = [item for item in objects if item.type in classes]
+    numbers = {name.lower(): number for number, name in reversed(list(enumerate(classes)))}
+    kept = [item for item in objects if item.type.lower() in numbers]
     if not kept:
         return Boxes3D.empty()
     bottom = transform(np.array([[o.x, o.y, o.z] for o in kept]), calib.lidar_from_rect)
     size = np.array([[o.l, o.w, o.h] for o in kept])
     yaw = wrap_angle(-np.array([o.ry for o in kept]) - np.pi / 2)
     center = bottom + np.stack([np.zeros(len(kept)), np.zeros(len(kept)), size[:, 2] / 2], axis=1)
-    labels = np.array([list(classes).index(o.type) for o in kept], dtype=np.int64)
+    labels = np.array([numbers[o.type.lower()] for o in kept], dtype=np.int64)
     scores = np.array([1.0 if o.score is None else o.score for o in kept])
     return Boxes3D(np.concatenate([center, size, yaw[:, None]], axis=1), labels, scores)
 
@@ -335,8 +340,7 @@ def read_velodyne(path: Path | str) -> Float[np.ndarray, 'points 4']:
     data = path.read_bytes()
     if len(data) == 0:
         raise SceneError(f'{path}: holds no points')
-    if len(data) % 16:
-        raise SceneError(f'{path}: {len(data)} bytes are no multiple of 16 (4 float32 a point); cut off? copy it again')
+    check_float_width(data, 4, path)
     return np.frombuffer(data, dtype='<f4').reshape(-1, 4).astype(np.float32)
 
 
@@ -380,7 +384,7 @@ def read_image_size(path: Path | str) -> tuple[int, int]:
 def _read_lines(path: Path, what: str) -> list[str]:
     if not path.is_file():
         raise SceneError(f'{path}: no such file; expected {what}')
-    return path.read_text(encoding='utf-8', errors='replace').splitlines()
+    return path.read_text(encoding='utf-8-sig', errors='replace').splitlines()
 
 
 def _numbers(words: Sequence[str], where: str, names: Sequence[str] | None = None) -> Float[np.ndarray, ' numbers']:

@@ -184,7 +184,7 @@ def read_axis_alignment(path: Path) -> Float[np.ndarray, '4 4'] | None:
     """
     if not path.is_file():
         raise SceneError(f'{path}: no such file; expected axisAlignment, or pass align=False for raw axes')
-    for line in path.read_text(encoding='utf-8', errors='replace').splitlines():
+    for line in path.read_text(encoding='utf-8-sig', errors='replace').splitlines():
         key, _, text = line.partition('=')
         if key.strip() == 'axisAlignment':
             try:

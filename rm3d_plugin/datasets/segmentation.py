@@ -1,21 +1,22 @@
 """What data sets with a class for each point share: thinning, truth by the kept points, the way back to all points."""
 
+import hashlib
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
 from rm3d_plugin.datasets.base import SceneDataset, Truth
-from rm3d_plugin.datasets.downsampled import Thinned, check_voxel, thin_voxels
+from rm3d_plugin.datasets.downsampled import KeptPoints, check_voxel, keep_points
 from rm3d_plugin.storage.files import content_key
 from rm3d_plugin.storage.scene_cache import SceneCache
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, SceneError
 
 FAR = 1e3  # m; beyond, float32 is coarser than 0.1 mm and coordinates move to a local frame
-CACHE_VERSION = 1  # raise it when a reader changes what it makes of the same files
+CACHE_VERSION = 2  # raise it when a reader changes what it makes of the same files
 
 
 class RawScene(NamedTuple):
@@ -72,7 +73,7 @@ class SegmentationDataset(SceneDataset):
         self.split = split
         self.voxel_downsample = None if voxel_downsample is None else check_voxel(voxel_downsample)
         self.cache = None if cache is None else SceneCache(cache)
-        self._last: tuple[int, RawScene, Thinned] | None = None
+        self._last: tuple[int, RawScene, KeptPoints] | None = None
 
     @abstractmethod
     def read_scene(self, index: int) -> RawScene:
@@ -99,7 +100,7 @@ class SegmentationDataset(SceneDataset):
     def load_cloud(self, index: int) -> PointCloud:
         """The points of a scene, thinned where asked for; in the order of the files."""
         scene, thin = self._scene(index)
-        return scene.cloud if self.voxel_downsample is None else scene.cloud.select(thin.kept)
+        return scene.cloud if len(thin.kept) == len(scene.cloud) else scene.cloud.select(thin.kept)
 
     def load_truth(self, index: int) -> Truth:
         """Class and instance number of each point of :meth:`load_cloud`.
@@ -119,7 +120,8 @@ class SegmentationDataset(SceneDataset):
         if scene.semantic is None:
             return None
         instance = None if scene.instance is None else _renumber(scene.instance)
-        return WholeTruth(scene.semantic, instance, None if self.voxel_downsample is None else thin.rows)
+        complete = self.voxel_downsample is None and not thin.stray.any()
+        return WholeTruth(scene.semantic, instance, None if complete else thin.rows)
 
     def why_no_truth(self, index: int) -> str:
         """What to tell who asks for labels that the files do not hold."""
@@ -145,7 +147,7 @@ class SegmentationDataset(SceneDataset):
         if self.labels == 'truth':
             self.load_truth(index)
 
-    def _scene(self, index: int) -> tuple[RawScene, Thinned]:
+    def _scene(self, index: int) -> tuple[RawScene, KeptPoints]:
         """The scene, kept until another one is asked for: points, truth and the way back are asked for in a row."""
         if self._last is None or self._last[0] != index:
             scene = self.read_scene(index)
@@ -158,10 +160,10 @@ class SegmentationDataset(SceneDataset):
                     )
             xyz = scene.cloud.xyz.astype(np.float64) + scene.cloud.origin
             try:
-                thin = thin_voxels(xyz, self.voxel_downsample)
+                thin = keep_points(xyz, self.voxel_downsample, f'scene {self.scene_ids[index]}')
             except ValueError as error:
                 raise SceneError(f'scene {self.scene_ids[index]}: {error}') from error
-            self._last = index, scene, thin
+            self._last = index, _without_labels(scene, thin.stray), thin
         return self._last[1], self._last[2]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -189,8 +191,25 @@ def numbers_of_things(things: Sequence[str], classes: tuple[str, ...]) -> tuple[
 def only_things(
     instance: Int[np.ndarray, ' points'], semantic: Int[np.ndarray, ' points'], things: tuple[int, ...]
 ) -> Int[np.ndarray, ' points']:
-    """Instance numbers of points whose class has instances, numbered 0, 1, ... in their order; -1 elsewhere."""
-    return _renumber(np.where(np.isin(semantic, things), instance, UNLABELLED))
+    """Instance numbers of points whose class has instances; -1 elsewhere.
+
+    An instance is a pair of number and class, since files count either through the scene or within each class. The
+    pairs are numbered 0, 1, ... in their order.
+    """
+    wanted = np.isin(semantic, things) & (instance >= 0)
+    number = np.unique(instance, return_inverse=True)[1].reshape(-1)
+    pair = number * (max(things, default=0) + 1) + semantic
+    return _renumber(np.where(wanted, pair, UNLABELLED))
+
+
+def _without_labels(scene: RawScene, stray: Bool[np.ndarray, ' points']) -> RawScene:
+    """The scene, nothing said of stray points."""
+    if not stray.any():
+        return scene
+    semantic, instance = (
+        None if labels is None else np.where(stray, UNLABELLED, labels) for labels in (scene.semantic, scene.instance)
+    )
+    return RawScene(scene.cloud, semantic, instance)
 
 
 def _renumber(instance: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
@@ -209,6 +228,9 @@ def make_cloud(xyz: np.ndarray, **channels: np.ndarray) -> PointCloud:
 
 
 def file_key(reader: str, paths: tuple[Path, ...], options: Mapping[str, Any] | None = None) -> str:
-    """A cache key of files that are too large to hash on every read: their paths, sizes and times of change."""
-    stats = [(str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns) for path in paths]
-    return content_key(reader, CACHE_VERSION, stats, dict(options or {}))
+    """A cache key of files: the hash of their content, so that a file changed within a tick of the clock is noticed."""
+    digests = []
+    for path in paths:
+        with path.open('rb') as file:
+            digests.append(hashlib.file_digest(file, 'sha256').hexdigest())
+    return content_key(reader, CACHE_VERSION, digests, dict(options or {}))

@@ -114,12 +114,12 @@ def read_lidar_poses(folder: str | Path) -> Float[np.ndarray, 'scans 4 4'] | Non
     folder = Path(folder)
     if not (folder / 'poses.txt').is_file() or not (folder / 'calib.txt').is_file():
         return None
-    lines = (folder / 'calib.txt').read_text(encoding='utf-8', errors='replace').splitlines()
+    lines = (folder / 'calib.txt').read_text(encoding='utf-8-sig', errors='replace').splitlines()
     rows = [line.partition(':')[2] for line in lines if line.startswith('Tr:')]
     if len(rows) != 1:
         raise SceneError(f'{folder / "calib.txt"}: expected one line "Tr:", got {len(rows)}')
     camera_from_lidar = _matrices(rows, folder / 'calib.txt')[0]
-    text = (folder / 'poses.txt').read_text(encoding='utf-8', errors='replace')
+    text = (folder / 'poses.txt').read_text(encoding='utf-8-sig', errors='replace')
     poses = _matrices([line for line in text.splitlines() if line.strip()], folder / 'poses.txt')
     return np.linalg.inv(camera_from_lidar) @ poses @ camera_from_lidar
 

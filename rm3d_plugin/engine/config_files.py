@@ -7,11 +7,13 @@ from pathlib import Path
 
 from mmengine.config import Config
 
+from rm3d_plugin.user_error import UserError
+
 PACKAGE = Path(__file__).resolve().parents[1]
 SHIPPED = f'{PACKAGE.name}::'
 
 
-class ConfigError(ValueError):
+class ConfigError(UserError):
     """A config that cannot be run; the message names the key."""
 
 

@@ -1,7 +1,6 @@
 """From a resolved config to a run: train, prepare, score."""
 
 import os
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,11 +13,20 @@ from mmengine.runner import Runner
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.distributed import use_launcher
-from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints, latest_checkpoint
+from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints
+from rm3d_plugin.engine.work_dir import (
+    check_same_settings,
+    choose_checkpoint,
+    lock_work_dir,
+    plain_settings,
+    take_over,
+)
 from rm3d_plugin.evaluation.records import ScoreRecord, records_of
 from rm3d_plugin.ops import _parallel
 from rm3d_plugin.registry import DATASETS, TASK_UTILS
-from rm3d_plugin.storage import remove_unfinished, write_json
+from rm3d_plugin.storage import write_json
+from rm3d_plugin.storage.written_files import record_writes
+from rm3d_plugin.user_error import UserError
 
 DEMO_NOTE = 'Demo data: the scenes are synthetic, scanned by virtual sensors; scores say nothing of real scans.'
 
@@ -29,23 +37,30 @@ def set_threads(count: int) -> None:
 
 
 def train(
-    config: Config, resume: bool = False, amp: bool = False, launcher: str = 'none', add_clicks: bool = False
+    config: Config,
+    resume: bool = False,
+    amp: bool = False,
+    launcher: str = 'none',
+    overwrite: bool = False,
+    add_clicks: bool = False,
 ) -> Path:
-    """Train by a resolved config.
+    """Train by a resolved config; returns the work directory.
+
+    Everything is checked first. Then the files that an earlier run wrote there are removed (``overwrite``), and no
+    others.
 
     Args:
-        config: Resolved.
-        resume: Go on from the newest checkpoint of the work directory; with none there, start from scratch.
+        config: See :func:`rm3d_plugin.engine.config.load_config`.
+        resume: Go on from the newest whole checkpoint.
         amp: Mixed precision.
-        launcher: Of several processes, see mmengine.
+        launcher: Of several processes.
+        overwrite: The work directory may hold the checkpoints of another run, which are removed.
         add_clicks: With ``resume``, go on with clicks that were added to the budget's file: from the newest checkpoint
             at which a round of labels begins, which is made again with all clicks.
 
-    Returns:
-        The work directory.
-
     Raises:
-        SceneError, ConfigError: Data or config cannot be used.
+        SceneError, ConfigError: Data or config cannot be used, the work directory is in use or holds a run, or
+            ``resume`` is asked for with another config.
     """
     if add_clicks and not resume:
         raise ConfigError('--add-clicks: goes with --resume; a run that starts reads all clicks anyway')
@@ -55,23 +70,25 @@ def train(
         use_amp(config)
     check_data(config, 'train_dataloader', 'val_dataloader')
     work_dir = Path(config.work_dir)
-    if is_main_process():
-        remove_unfinished(work_dir, '*')
-    checkpoint = latest_checkpoint(work_dir) if resume else None
-    if checkpoint is None:
-        if resume:
-            print(f'--resume: there is no epoch_*.pth in {work_dir}; training starts from scratch')
+    with lock_work_dir(work_dir):
+        checkpoint = choose_checkpoint(work_dir, resume, overwrite)
+        settings = plain_settings(config)
+        if checkpoint is not None:
+            check_same_settings(work_dir, settings)
+            if add_clicks:
+                checkpoint = prepare_to_add_clicks(config, work_dir)
+            read_checkpoint(checkpoint)  # refuses weights that make no sense
+            config.resume, config.load_from = True, str(checkpoint)
+        barrier()
+        os.environ.setdefault('CUBLAS_WORKSPACE_CONFIG', ':4096:8')  # without it products on a GPU vary between runs
+        with config_errors(config):
+            runner = Runner.from_cfg(config)
+            build_loops(runner)
         if is_main_process():
-            clear_run(work_dir)
-    else:
-        if add_clicks:
-            checkpoint = prepare_to_add_clicks(config, work_dir)
-        config.resume, config.load_from = True, str(checkpoint)
-    barrier()
-    os.environ.setdefault('CUBLAS_WORKSPACE_CONFIG', ':4096:8')  # without it products on a GPU vary from run to run
-    with config_errors(config):
-        runner = Runner.from_cfg(config)
-    runner.train()
+            take_over(work_dir, settings, clear=checkpoint is None)
+        barrier()
+        record_writes(work_dir)
+        runner.train()
     return work_dir
 
 
@@ -121,15 +138,26 @@ def check_data(config: Config, *dataloaders: str) -> None:
 
 @contextmanager
 def config_errors(config: Config) -> Iterator[None]:
-    """Turn what a misspelt type or setting raises while parts are built into a :class:`ConfigError`."""
+    """Turn what a wrong type or setting raises while parts are built into a :class:`ConfigError`."""
     try:
         yield
-    except (TypeError, KeyError) as error:
-        text = str(error.args[0]) if error.args else ''
-        if 'unexpected keyword argument' in text or ' registry. Please check' in text:
-            what = text.partition('. Please check')[0]
-            raise ConfigError(f'{config.get("config_name", "config")}: {what}; correct the config or option') from error
+    except UserError:
         raise
+    except (TypeError, KeyError, ValueError, AssertionError, AttributeError) as error:
+        text = str(error.args[0]) if error.args else type(error).__name__
+        what = text.partition('. Please check')[0]
+        raise ConfigError(f'{config.get("config_name", "config")}: {what}; correct the config or option') from error
+
+
+def build_loops(runner: Runner) -> None:
+    """Build the loops and their dataloaders, which mmengine leaves until training: a wrong setting is told now.
+
+    Args:
+        runner: Whose ``train`` follows.
+    """
+    _ = runner.train_loop
+    if runner.cfg.get('val_dataloader') is not None:
+        _ = runner.val_loop
 
 
 def prepare(config: Config, jobs: int = 1) -> None:
@@ -145,18 +173,13 @@ def prepare(config: Config, jobs: int = 1) -> None:
     print(label_maker.prepare(jobs))
 
 
-def clear_run(work_dir: Path) -> None:
-    """Remove what an earlier run left of labels and checkpoints, so that none of it is mistaken for this run's."""
-    shutil.rmtree(work_dir / 'labels', ignore_errors=True)
-    for stale in [*work_dir.glob('epoch_*.pth'), work_dir / 'metrics.json', work_dir / 'report.html']:
-        stale.unlink(missing_ok=True)
-
-
 def use_amp(config: Config) -> None:
     """Switch to mixed precision: half precision with a scaled loss on a GPU, bfloat16 on a CPU."""
     import torch
 
     if not torch.cuda.is_available():
+        import rm3d_plugin.engine.autocast  # noqa: F401  (registers it)
+
         config.optim_wrapper.type = 'CPUAutocastOptimWrapper'
         return
     config.optim_wrapper.type = 'AmpOptimWrapper'

@@ -10,13 +10,14 @@ import numpy as np
 from jaxtyping import Float, Int
 from tqdm import tqdm
 
-from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.given_labels import GivenLabels
+from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.inference.predict import check_names
 from rm3d_plugin.inference.predict_formats import (
     BENCHMARKS,
     ScanPrediction,
     check_format,
+    main_file,
     output_name,
     write_prediction,
 )
@@ -178,9 +179,7 @@ def summary_of(written: WrittenScan, given: GivenLabels) -> dict[str, Any]:
 
 def target_name(scan: Path, kind: str) -> str:
     """Name of the main file that is written for a scan, with its ending."""
-    ending = {SAME: labelled_ending(scan), 'semantickitti': '.label', 'semantic3d': '.labels', 'scannet': '.txt'}
-    folder = 'semantic/' if kind == 'scannet' else ''
-    return f'{folder}{output_name(scan, kind)}{ending.get(kind, f".{kind}")}'
+    return f'{scan.stem}{labelled_ending(scan)}' if kind == SAME else main_file(scan, kind)
 
 
 def check_outputs(scans: Sequence[Path], inputs: Sequence[Path], out: Path, options: LabelOptions) -> None:
@@ -201,11 +200,6 @@ def check_outputs(scans: Sequence[Path], inputs: Sequence[Path], out: Path, opti
     if options.format != SAME:
         check_format(options.format, ())
     check_names(scans, [scan.stem for scan in scans])
-    if out.exists() and not out.is_dir():
-        raise ConfigError(f'--out {out}: is a file; name a folder')
-    for target in (*(out / target_name(scan, options.format) for scan in scans), out / SUMMARY):
-        for path in (*scans, *inputs):
-            if target.resolve() == path.resolve() or (target.exists() and path.exists() and target.samefile(path)):
-                raise ConfigError(
-                    f'--out {out}: {target.name} would be written over the input {path}; name another folder'
-                )
+    check_folder(out)
+    targets = [*(out / target_name(scan, options.format) for scan in scans), out / SUMMARY]
+    check_targets(targets, [*scans, *inputs], out)

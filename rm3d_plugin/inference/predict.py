@@ -4,8 +4,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.inference.predict_boxes import Detector, predict_boxes
-from rm3d_plugin.inference.predict_formats import output_name
+from rm3d_plugin.inference.outputs import check_folder, check_targets
+from rm3d_plugin.inference.predict_boxes import Detector, calib_beside, predict_boxes
+from rm3d_plugin.inference.predict_formats import main_file, output_name
 from rm3d_plugin.inference.predict_points import PointOptions, Segmenter, predict_points
 from rm3d_plugin.inference.trained import load_network
 from rm3d_plugin.models.segmentors import RM3DSegmentor
@@ -39,17 +40,22 @@ def predict_files(
     Raises:
         SceneError, ConfigError: A scan, the checkpoint or an option cannot be used; files already written stay.
     """
+    check_folder(out)
     network = load_network(checkpoint, device)
     if isinstance(network.model, RM3DSegmentor):
         options = options or PointOptions()
         files = find_scans(scans, ENDINGS)
         check_names(files, [output_name(scan, options.format) for scan in files])
+        check_targets([out / main_file(scan, options.format) for scan in files], [*files, Path(checkpoint)], out)
         yield from predict_points(Segmenter.from_network(network, options), files, out, min_score or 0.0)
         return
     if options is not None and (given := options.given()):
         raise ConfigError(f'{checkpoint} finds boxes; {", ".join(given)} is for networks that classify points')
     files = find_scans(scans, BOX_ENDINGS)
     check_names(files, [scan.stem for scan in files])
+    calibrations = [found for scan in files if (found := calib_beside(scan)) is not None]
+    targets = [out / f'{scan.stem}{ending}' for scan in files for ending in ('.json', '.txt')]
+    check_targets(targets, [*files, *calibrations, Path(checkpoint)], out)
     least = 0.1 if min_score is None else min_score
     yield from predict_boxes(Detector.from_network(network), files, out, least)
 

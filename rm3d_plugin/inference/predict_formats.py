@@ -179,6 +179,14 @@ def write_prediction(
     return FORMATS[kind](out, name, cloud, found, classes)
 
 
+def main_file(scan: Path, kind: str) -> str:
+    """Name of the main file that is written for a scan, within the output folder."""
+    ending = {'semantickitti': '.label', 'semantic3d': '.labels', 'scannet': '.txt'}.get(kind, f'.{kind}')
+    if kind == 'scannet':
+        return f'semantic/{scan.stem.removesuffix("_vh_clean_2")}{ending}'
+    return f'{output_name(scan, kind)}{ending}'
+
+
 def output_name(scan: Path, kind: str) -> str:
     """Name of a scan's output within the output folder, without an ending.
 

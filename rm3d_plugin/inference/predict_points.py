@@ -13,7 +13,7 @@ from mmengine.dataset import pseudo_collate
 from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import features
-from rm3d_plugin.datasets.downsampled import thin_voxels
+from rm3d_plugin.datasets.downsampled import keep_points
 from rm3d_plugin.datasets.semantic3d_format import GREATEST, LEAST
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.point_fields import predicted_classes
@@ -24,7 +24,7 @@ from rm3d_plugin.models.segmentors.scene_inference import Flip
 from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label
 from rm3d_plugin.storage import LabelStore
-from rm3d_plugin.storage.scans import ColorRange, read_scan
+from rm3d_plugin.storage.scans import ColorRange, NanPoints, read_scan
 from rm3d_plugin.structures import PointCloud, PseudoLabels, SceneError
 
 MAX_POINTS = 1_000_000  # scans with more are predicted in chunks, where neither run nor user says otherwise
@@ -47,6 +47,7 @@ class PointOptions:
         columns: What a table's columns hold, see :func:`rm3d_plugin.storage.scans.read_scan`.
         intensity_range: Lowest and greatest intensity of the sensor, which become 0 and 1; None: as the run's data set
             has it.
+        nan_points: What becomes of points without a finite place, see :func:`rm3d_plugin.storage.scans.read_scan`.
         labels: Label store of the run: points of its own scans that have a label there keep it. Scans are found by
             name.
         fill: What names the other points of these scans: the network, or the nearest point with a label. None: the
@@ -61,6 +62,7 @@ class PointOptions:
     unknown_below: float = 0.0
     columns: str | None = None
     intensity_range: Range | None = None
+    nan_points: NanPoints = 'error'
     labels: Path | None = None
     fill: Fill | None = None
 
@@ -122,11 +124,12 @@ class Segmenter:
         Raises:
             SceneError: The file cannot be used.
         """
-        cloud = read_scan(path, self.options.columns, self.color_range).cloud
+        options = self.options
+        cloud = read_scan(path, options.columns, self.color_range, nan_points=options.nan_points).cloud
         return fit_channels(cloud, self.model.inputs.columns, self.model.inputs.used, self.intensity_range, path.name)
 
     def predict(self, cloud: PointCloud, name: str = 'scan') -> ScanPrediction:
-        """Predict all points of a cloud, thinned ones by the point that stands for them.
+        """Predict all points of a cloud, thinned ones by the point that stands for them; stray ones are unknown.
 
         Args:
             cloud: Points with the channels that the network wants, see :func:`fit_channels`.
@@ -137,8 +140,8 @@ class Segmenter:
         """
         world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
         try:
-            thin = thin_voxels(world, self.voxel_downsample)
-            sample = self._sample(cloud if self.voxel_downsample is None else cloud.select(thin.kept), name)
+            thin = keep_points(world, self.voxel_downsample, name)
+            sample = self._sample(cloud if len(thin.kept) == len(cloud) else cloud.select(thin.kept), name)
         except ValueError as error:
             raise SceneError(f'{name}: {error}') from error
         kept = len(thin.kept)
@@ -147,7 +150,9 @@ class Segmenter:
         if 'pred_instance_masks' in sample:
             masks = scatter_rows(sample.pred_instance_masks.numpy().T, sample.point_index.numpy(), kept, fill=0).T
             found = Instances(
-                masks[:, thin.rows], sample.pred_instance_labels.numpy(), sample.pred_instance_scores.numpy()
+                masks[:, thin.rows] & ~thin.stray,
+                sample.pred_instance_labels.numpy(),
+                sample.pred_instance_scores.numpy(),
             )
         semantic, confidence = predicted_classes(probs), probs.max(axis=1, initial=0.0)
         if self.options.labels is not None:
@@ -155,7 +160,8 @@ class Segmenter:
             if own is not None:
                 semantic, confidence = keep_labels(probs, cloud.xyz[thin.kept], own, self.options.fill or 'nearest')
         semantic = np.where(confidence < self.options.unknown_below, -1, semantic)
-        return ScanPrediction(semantic[thin.rows], confidence[thin.rows], found)
+        semantic = np.where(thin.stray, -1, semantic[thin.rows])
+        return ScanPrediction(semantic, np.where(thin.stray, 0, confidence[thin.rows]), found)
 
     def _sample(self, cloud: PointCloud, name: str) -> Any:
         item: dict[str, Any] = {'scene_id': name, 'index': 0, 'num_points': len(cloud), 'points': features(cloud)}

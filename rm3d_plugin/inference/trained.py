@@ -11,6 +11,7 @@ from mmengine.registry import init_default_scope
 
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.safe_parts import check_own_parts
 from rm3d_plugin.registry import MODELS, SCOPE, TRANSFORMS
 
 
@@ -35,19 +36,34 @@ def load_network(checkpoint: str | Path, device: str = 'cpu') -> TrainedNetwork:
     """Rebuild a network from a checkpoint of this project; the config travels inside as plain data.
 
     Raises:
-        ConfigError: No such file or device, or a checkpoint of another program.
+        ConfigError: No such file or device, a checkpoint of another program, or one whose config names other parts than
+            our own.
     """
     state = read_checkpoint(checkpoint)
     if 'config_json' not in state.get('meta', {}):
         raise ConfigError(f'{checkpoint}: holds no config; expected a checkpoint of `rm3d train`')
-    config = Config(json.loads(state['meta']['config_json']))
+    config = _config_of(state, checkpoint)
+    dataset = config.val_dataloader.dataset
+    check_own_parts(config.model, f'{checkpoint}: model')
+    check_own_parts(dataset.pipeline, f'{checkpoint}: pipeline')
     init_default_scope(SCOPE)
     model = MODELS.build(config.model)
     load_weights(model, state, checkpoint)
-    dataset = config.val_dataloader.dataset
     pipeline = [TRANSFORMS.build(step) for step in dataset.pipeline]
     names = dataset.get('classes') or (state['meta'].get('dataset_meta') or {}).get('classes') or ()
     return TrainedNetwork(model.to(find_device(device)).eval(), pipeline, config, tuple(names))
+
+
+def _config_of(state: dict[str, Any], checkpoint: str | Path) -> Config:
+    try:
+        config = Config(json.loads(state['meta']['config_json']))
+    except (ValueError, TypeError) as error:
+        raise ConfigError(f'{checkpoint}: its config is damaged ({error}); copy it again') from error
+    if not isinstance(config.get('model'), dict) or 'pipeline' not in (
+        config.get('val_dataloader', {}).get('dataset') or {}
+    ):
+        raise ConfigError(f'{checkpoint}: its config has no model or no val_dataloader with a pipeline')
+    return config
 
 
 def find_device(name: str) -> torch.device:

@@ -89,7 +89,7 @@ def read_scene_list(path: str | Path) -> list[str]:
         BudgetError: The file is missing or names nothing.
     """
     try:
-        lines = Path(path).read_text(encoding='utf-8').split()
+        lines = Path(path).read_text(encoding='utf-8-sig').split()
     except FileNotFoundError:
         raise BudgetError(f'{path}: no such list of scenes') from None
     except UnicodeDecodeError as error:

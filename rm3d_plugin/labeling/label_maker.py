@@ -10,6 +10,7 @@ from jaxtyping import Float
 from mmengine.dist import all_gather_object, is_main_process
 from tqdm import tqdm
 
+from rm3d_plugin.labeling.data_record import check_data
 from rm3d_plugin.labeling.round_summary import describe_round
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import PointPrediction
@@ -94,6 +95,7 @@ class LabelMaker(ABC):
             log: Told what is annotated.
         """
         self.source.open(self.store.root, resume=keep)
+        check_data(self.store.root, self.source, keep)
         log(self.source.describe())
         self.prepare()
 

@@ -2,16 +2,17 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from rm3d_plugin.labeling.annotated import AnnotatedLabelMaker
 from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.labeling.walker import WalkerLabelMaker
-from rm3d_plugin.pseudo_labels.common.strategy import Strategy, is_paper
+from rm3d_plugin.pseudo_labels.common.strategy import Strategy
 from rm3d_plugin.registry import TASK_UTILS
 
+PointStrategy = Literal['default', 'regions', 'paper']
 GEOMETRY = ('cache', 'descriptor', 'oversegmenter', 'graph_neighbors', 'max_gap')
 
 
@@ -20,7 +21,7 @@ def point_label_maker(
     store: str | Path,
     source: Mapping[str, Any] | LabelSource,
     propagate: bool = True,
-    strategy: Strategy = 'default',
+    strategy: PointStrategy = 'default',
     walker: Mapping[str, Any] | None = None,
     random_walk: Mapping[str, Any] | None = None,
     instances: bool = False,
@@ -33,18 +34,20 @@ def point_label_maker(
         source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
         propagate: False: training sees the annotated points alone (:class:`AnnotatedLabelMaker`), and the rest is not
             read.
-        strategy: 'default', or 'paper': regions merge as METHOD 6 has it (:class:`SegmentationLabelMaker`).
-        walker: Fields of :class:`~rm3d_plugin.labeling.walker.WalkerLabelRules`: labels spread by a random walk
-            (:class:`WalkerLabelMaker`), unless the strategy is the paper's. None: regions merge by the rules of
-            ``settings``.
+        strategy: 'default': labels spread by a random walk (:class:`WalkerLabelMaker`). 'regions': regions merge, by
+            the paper's rules and ours (:class:`SegmentationLabelMaker`). 'paper': by those of METHOD 6 alone.
+        walker: Fields of :class:`~rm3d_plugin.labeling.walker.WalkerLabelRules`, read by 'default' alone as the next.
         random_walk: Fields of :class:`~rm3d_plugin.pseudo_labels.propagation.WalkerRules`.
         instances: Whether the walk carries instances, too; merged regions always do.
         settings: Further arguments of :class:`SegmentationLabelMaker`.
     """
     if not propagate:
         return AnnotatedLabelMaker(store, source)
-    if walker is None or is_paper(strategy):
-        return SegmentationLabelMaker(store, source, strategy, **settings)
+    if strategy not in get_args(PointStrategy):
+        raise ValueError(f'strategy: expected one of {", ".join(get_args(PointStrategy))}, got {strategy!r}')
+    if strategy != 'default':
+        rules: Strategy = 'paper' if strategy == 'paper' else 'default'
+        return SegmentationLabelMaker(store, source, rules, **settings)
     rounds, seed = int((settings.get('merge') or {}).get('rounds') or 1), settings.get('seed', 0)
     geometry = {name: settings[name] for name in GEOMETRY if name in settings}
     return WalkerLabelMaker(store, source, rounds, walker, random_walk, instances, seed, **geometry)

@@ -13,6 +13,7 @@ from rm3d_plugin.datasets.base import Truth
 from rm3d_plugin.label_budgets import (
     AnnotatedPoints,
     BudgetError,
+    PointAmount,
     PointBudget,
     budget_from_clicks,
     draw_point_budget,
@@ -77,6 +78,11 @@ class PointBudgetSource(DatasetSource):
         if self._budget is None:
             self._budget = self._make()
         return self._budget
+
+    @property
+    def amount(self) -> PointAmount:
+        """What the budget asks for."""
+        return self._amount
 
     def point_counts(self) -> Int[np.ndarray, ' classes']:
         """Annotated points of each class."""

@@ -243,4 +243,4 @@ def few_of_each(semantic: Int[np.ndarray, ' points'], most: int) -> Int[np.ndarr
 
 
 def _nbytes(scene: PreparedCloud) -> int:
-    return scene.features.nbytes + scene.graph.weights.data.nbytes + scene.graph.weights.indices.nbytes
+    return sum(graph.weights.data.nbytes + graph.weights.indices.nbytes for graph in scene.graphs)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numba import njit
 
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import SceneError, stray_points
 
 PIT_DEPTH = 0.6  # m; a cell this far under its neighbours (beyond what a slope explains) holds a ghost return
 UNSEEN_SLOPE = 0.1  # how fast the ground may rise where no point was measured
@@ -16,6 +16,9 @@ WINDOW = 2.0  # cells; standard deviation of the window of a local plane
 PYRAMID_STEP = 4  # each level of the fit is this much coarser than the one below
 MAX_REACH = 32  # cells; how far a lone cell looks for others to compare with
 MAX_CELLS = 16_000_000
+FREE_CELLS = 250_000  # grids up to here are taken as they are
+CELLS_A_POINT = 8  # larger grids than so many cells a point lose their empty stretches, then their resolution
+GAP = 64  # cells; what is left of an empty stretch
 
 
 class GroundResult(NamedTuple):
@@ -57,7 +60,8 @@ def segment_ground(
 
     The lowest point of each cell votes. Votes above the lower envelope whose slope is limited (roofs, canopies, steep
     hill sides) start with little weight; then local planes are fitted in a pyramid of windows, so that a cell without
-    ground borrows from its surroundings, and the weights follow the residuals.
+    ground borrows from its surroundings, and the weights follow the residuals. Stray points
+    (see ``stray_points``) are no ground; their height is that over the nearest border.
 
     Args:
         points: Metres, z up; about level (a road may slope, the scan may not be tipped over).
@@ -74,8 +78,9 @@ def segment_ground(
         ValueError: A parameter is out of range.
 
     Warns:
-        UserWarning: The scene needs more than 16 million cells. Then only the square of 4000 x 4000 around its middle
-            is looked at; what lies outside is no ground, and its height is that over the nearest border.
+        UserWarning: The points are so sparse that larger cells are used; or there are more than 16 million cells: then
+            only the square of 4000 x 4000 around the middle is looked at; what lies outside is no ground, and its
+            height is that over the nearest border.
     """
     if cell <= 0 or max_height <= 0 or max_slope <= 0 or iterations < 0:
         raise ValueError(
@@ -87,10 +92,11 @@ def segment_ground(
         raise SceneError('segment_ground: points hold NaN or infinite coordinates; drop them first')
     if len(xyz) == 0:
         return GroundResult(np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.float32))
-    inside = _middle(xyz[:, :2], cell)
-    low = xyz[inside, :2].min(axis=0)
-    shape = np.floor((xyz[inside, :2].max(axis=0) - low) / cell) + 1
-    xy = np.ascontiguousarray((xyz[:, :2] - low) / cell)
+    inside = ~stray_points(xyz)
+    xy, cell = _grid_coordinates(xyz[:, :2], inside, cell)
+    inside &= _middle(xy, inside, cell)
+    xy -= xy[inside].min(axis=0)
+    shape = np.floor(xy[inside].max(axis=0)) + 1
     z = np.ascontiguousarray(xyz[:, 2])
     grid = _lowest_points(xy[inside], z[inside], (int(shape[0]), int(shape[1])), max_slope * cell)
     surface = _fit_surface(grid, cell, max_slope, iterations)
@@ -100,17 +106,51 @@ def segment_ground(
     return GroundResult(is_ground, height.astype(np.float32))
 
 
-def _middle(xy: Float[np.ndarray, 'points 2'], cell: float) -> Bool[np.ndarray, ' points']:
+def _grid_coordinates(
+    xy: Float[np.ndarray, 'points 2'], used: Bool[np.ndarray, ' points'], cell: float
+) -> tuple[Float[np.ndarray, 'points 2'], float]:
+    """Points in cells, and a cell's side: no more cells than the points in use deserve."""
+    out = np.ascontiguousarray((xy - xy[used].min(axis=0)) / cell)
+    most = max(FREE_CELLS, CELLS_A_POINT * len(xy))
+    if _count_cells(out[used]) > most:
+        out[used] = np.stack([_without_gaps(values) for values in out[used].T], axis=1)
+    larger = 1
+    while _count_cells(out[used] / larger) > most:
+        larger *= 2
+    if larger > 1:
+        warnings.warn(
+            f'segment_ground: {len(xy)} points in {_count_cells(out[used]):.0f} cells of {cell} m are sparse; cells of '
+            f'{larger * cell} m are used (are the coordinates metres?)',
+            stacklevel=3,
+        )
+    return out / larger, larger * cell
+
+
+def _count_cells(xy: Float[np.ndarray, 'points 2']) -> float:
+    shape = np.floor(np.ptp(xy, axis=0)) + 1
+    return float(shape[0] * shape[1])
+
+
+def _without_gaps(values: Float[np.ndarray, ' points']) -> Float[np.ndarray, ' points']:
+    """The same places in their cells, where no more than GAP empty cells lie between two that are not."""
+    found, number = np.unique(np.floor(values), return_inverse=True)
+    excess = np.maximum(np.diff(found, prepend=found[:1]) - 1 - GAP, 0)
+    return values - np.cumsum(excess)[number.reshape(-1)]
+
+
+def _middle(
+    xy: Float[np.ndarray, 'points 2'], used: Bool[np.ndarray, ' points'], cell: float
+) -> Bool[np.ndarray, ' points']:
     """Points that are looked at: all, or where they need too many cells those in a square around the median."""
-    shape = np.floor(np.ptp(xy, axis=0) / cell) + 1
-    if shape[0] * shape[1] <= MAX_CELLS:
+    cells = _count_cells(xy[used])
+    if cells <= MAX_CELLS:
         return np.ones(len(xy), dtype=np.bool_)
-    centre = xy[np.abs(xy - np.median(xy, axis=0)).max(axis=1).argmin()]
-    side = (np.sqrt(MAX_CELLS) - 1) * cell
+    centre = xy[used][np.abs(xy[used] - np.median(xy[used], axis=0)).max(axis=1).argmin()]
+    side = np.sqrt(MAX_CELLS) - 1
     inside: np.ndarray = (np.abs(xy - centre) < side / 2).all(axis=1)
     warnings.warn(
-        f'segment_ground: {shape[0]:.0f} x {shape[1]:.0f} cells of {cell} m are too many: {(~inside).sum()} of '
-        f'{len(xy)} points outside of the middle {side:.0f} m count as no ground; drop them or raise cell',
+        f'segment_ground: {cells:.0f} cells of {cell} m are too many: {(~inside).sum()} of {len(xy)} points outside of '
+        f'the middle {side * cell:.0f} m count as no ground; drop them or raise cell',
         stacklevel=3,
     )
     return inside

@@ -36,7 +36,9 @@ def neighbor_graph(xyz: Float[np.ndarray, 'points 3'], neighbors: int) -> Neighb
     """Join each point to its nearest ones; edges between near points weigh more."""
     count = len(xyz)
     near = Octree(xyz).knn(xyz, neighbors + 1).indices.astype(np.int64)
-    near[near == np.arange(count)[:, None]] = -1
+    itself = near == np.arange(count)[:, None]
+    near[itself] = -1
+    near[~itself.any(axis=1), -1] = -1  # as many copies of the point came before it: the last is one too many
     rows, slots = np.nonzero(near >= 0)
     ends = near[rows, slots]
     keys = np.unique(np.minimum(rows, ends) * count + np.maximum(rows, ends))

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from mmengine.config import Config
@@ -11,11 +12,12 @@ import rm3d_plugin.datasets
 import rm3d_plugin.models  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.run import config_errors
+from rm3d_plugin.inference.outputs import check_targets
 from rm3d_plugin.label_budgets import clicks_of
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.labeling.sources import BoxBudgetSource, LabelSource
 from rm3d_plugin.registry import TASK_UTILS
-from rm3d_plugin.storage import Click, write_clicks
+from rm3d_plugin.storage import Click, write_bytes, write_clicks
 from rm3d_plugin.visualization import BudgetSummary, Picture, RunReport, write_report
 from rm3d_plugin.visualization.label_picture import draw_label_picture
 
@@ -70,6 +72,7 @@ def draw_labels(source: LabelSource, out: Path, title: str, max_scenes: int = 8,
         ConfigError: ``out`` has another ending, or clicks are asked for where boxes are drawn.
     """
     ending = out.suffix.lower()
+    check_targets([out, out / 'clicks.csv'], _inputs(source), out)
     if ending in CLICK_ENDINGS:
         return [_write_clicks(out, source)]
     if ending not in ('', '.html') and not out.is_dir():
@@ -92,11 +95,22 @@ def _build(config: Config, source: Mapping[str, Any], budget: str | None, seed: 
     return built
 
 
+def _inputs(source: LabelSource) -> list[Path]:
+    """The file of clicks or points that the budget is read from, if any."""
+    file = source.amount.file if isinstance(source, PointBudgetSource) else None
+    return [] if file is None else [Path(file)]
+
+
 def _write_clicks(path: Path, source: LabelSource) -> Path:
     if not isinstance(source, PointBudgetSource):
         raise ConfigError(f'{path}: {type(source).__name__} shows no points, so there are no clicks; give a folder')
-    write_clicks(path, list(_clicks(source)), source.classes)
-    return path
+    clicks = list(_clicks(source))
+    with TemporaryDirectory() as folder:
+        fresh = Path(folder) / path.name
+        write_clicks(fresh, clicks, source.classes)
+        if path.is_file() and fresh.read_bytes() != path.read_bytes():
+            raise ConfigError(f'{path}: holds other clicks, which are not replaced; name another place')
+        return write_bytes(path, fresh.read_bytes())
 
 
 def _clicks(source: PointBudgetSource) -> Iterator[Click]:

@@ -1,15 +1,16 @@
 """Any scan file as named columns, and which column plays which part."""
 
-import zipfile
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width
 from rm3d_plugin.storage.las import read_las
 from rm3d_plugin.storage.pcd import read_pcd
 from rm3d_plugin.storage.ply import read_ply
-from rm3d_plugin.storage.text_table import BadTextError, parse_table
+from rm3d_plugin.storage.text_columns import plain_name, read_text_table
 from rm3d_plugin.structures import SceneError
 
 COLUMNS = {
@@ -24,20 +25,22 @@ NORMAL = ('nx', 'ny', 'nz')
 ROLES = ('x', 'y', 'z', 'intensity', *RGB, *NORMAL, 'label', 'instance')
 ALIASES = {
     'intensity': ('intensity', 'reflectance', 'remission', 'i'),
-    'red': ('red', 'r', 'diffuse_red'),
-    'green': ('green', 'g', 'diffuse_green'),
-    'blue': ('blue', 'b', 'diffuse_blue'),
+    'red': ('red', 'r', 'rf', 'diffuse_red'),
+    'green': ('green', 'g', 'gf', 'diffuse_green'),
+    'blue': ('blue', 'b', 'bf', 'diffuse_blue'),
     'nx': ('nx', 'normal_x'),
     'ny': ('ny', 'normal_y'),
     'nz': ('nz', 'normal_z'),
     'label': ('label', 'labels', 'class', 'classification', 'semantic', 'semantic_label'),
     'instance': ('instance', 'instances', 'instance_id', 'instance_label'),
 }
-"""Names under which a part is found; case does not matter, and ``scalar_`` before a name is passed over."""
+"""Names under which a part is found; case, ``scalar_`` before a name and a unit ``[m]`` behind it do not matter."""
 _BLOCKS = {name: tuple('xyz') for name in ('xyz', 'points', 'pos', 'coord', 'coords')}
 _BLOCKS |= {name: RGB for name in ('colors', 'color', 'rgb')} | {name: NORMAL for name in ('normals', 'normal')}
 
 ENDINGS = ('.bin', '.csv', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.txt', '.xyz')
+_LISTED = 12  # names in a message
+_MANY = 100  # columns that are rather points
 
 Columns = Mapping[str, int | str | None]
 """Part -> number or name of its column; None: the file's own column of that part is not read."""
@@ -51,8 +54,8 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
 
     Args:
         path: ``.ply .pcd .las .laz .npy .npz .bin .txt .xyz .csv``.
-        names: Names of a table's columns, split by blanks, - for one to pass over. Of no effect where the file has
-            names.
+        names: Names of a table's columns, split by blanks, - for one to pass over. '': as None, but what the columns
+            seem to hold is not questioned, since the caller knows. Of no effect where the file has names.
 
     Raises:
         SceneError: The file is missing, damaged or of another kind; the message names it.
@@ -63,7 +66,13 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
         raise SceneError(f'{path}: unknown ending {path.suffix!r}; expected one of {" ".join(ENDINGS)}')
     if not path.is_file():
         raise SceneError(f'{path}: no such file')
-    columns = readers[path.suffix.lower()](path, names)
+    try:
+        columns = readers[path.suffix.lower()](path, names)
+    except SceneError:
+        raise
+    except Exception as error:  # a damaged file shows as anything from zlib.error to tokenize.TokenError
+        reason = str(error).partition('. ')[0]  # what follows in numpy's message is advice to load unsafely
+        raise SceneError(f'{path}: not readable as {path.suffix} ({type(error).__name__}: {reason})') from error
     for name, values in columns.items():
         if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool):
             raise SceneError(f'{path}: {name}: expected numbers, got {values.dtype}')
@@ -97,7 +106,7 @@ def find_roles(columns: Mapping[str, np.ndarray], given: Columns | None, path: P
         SceneError: There is no such part or column, x, y or z is missing, or one colour (normal) is without the others.
     """
     order = list(columns)
-    lower = {name.lower().removeprefix('scalar_'): name for name in reversed(order)}
+    lower = {plain_name(name): name for name in reversed(order)}
     out: dict[str, np.ndarray] = {}
     for role in ROLES:
         if given is not None and role in given:
@@ -113,7 +122,7 @@ def find_roles(columns: Mapping[str, np.ndarray], given: Columns | None, path: P
         missing = [part for part in parts if part not in out]
         if missing and (parts[0] == 'x' or len(missing) < 3):
             raise SceneError(
-                f'{path}: no column {missing[0]}, got {" ".join(order)}; '
+                f'{path}: no column {missing[0]}, got {listed(order)}; '
                 'name the columns: columns=dict(x=0, y=1, z=2), say'
             )
     return out
@@ -124,7 +133,7 @@ def _column_name(wanted: int | str | None, order: list[str], role: str, path: Pa
         return order[wanted]
     if wanted is None or wanted in order:
         return wanted if wanted is None else str(wanted)
-    raise SceneError(f'{path}: no column {wanted!r} for {role}; the file has {len(order)}: {" ".join(order)}')
+    raise SceneError(f'{path}: no column {wanted!r} for {role}; the file has {len(order)}: {listed(order)}')
 
 
 def split_names(names: str) -> list[str]:
@@ -142,30 +151,74 @@ def split_names(names: str) -> list[str]:
     return words
 
 
+def listed(names: Sequence[str]) -> str:
+    """The first names, and how many there are where these are not all."""
+    return ' '.join(names) if len(names) <= _LISTED else f'{" ".join(names[:_LISTED])} ... ({len(names)} in all)'
+
+
 def _named(table: np.ndarray, path: Path, names: str | None) -> dict[str, np.ndarray]:
     """A table's columns under the names told, or by their number."""
     if table.ndim != 2:
         raise SceneError(f'{path}: shape {table.shape}; expected one row a point')
-    width = table.shape[1]
+    rows, width = table.shape
+    if names is None and width >= _MANY and rows in COLUMNS:
+        raise SceneError(f'{path}: shape {table.shape}; expected one row a point: save the transposed array (array.T)')
+    if names is None:
+        _tell_doubts(table, path)
     words = (names or COLUMNS.get(width) or ' '.join(map(str, range(width)))).split()
     if width != len(words):
-        raise SceneError(f'{path}: shape {table.shape}; the columns named are {len(words)}: {" ".join(words)}')
+        raise SceneError(f'{path}: shape {table.shape}; the columns named are {len(words)}: {listed(words)}')
     return {word: table[:, i] for i, word in enumerate(words) if word != '-'}
 
 
+def _tell_doubts(table: np.ndarray, path: Path) -> None:
+    """Where the numbers of a table without names look like something else than :data:`COLUMNS` says.
+
+    Raises:
+        SceneError: Six columns hold normals.
+    """
+    rows, width = table.shape
+    if rows == 0 or width not in (6, 7) or not np.issubdtype(table.dtype, np.number):
+        return
+    last = table[:, 3:6].astype(np.float64)
+    if (last.min() < 0 and np.abs(last).max() <= 1) or (rows > 2 and _are_normals(last)):
+        raise SceneError(
+            f"{path}: columns 4 to 6 look like normals; say so: columns='x y z nx ny nz{' -' * (width - 6)}'"
+        )
+    if width == 7 and last.min() >= 0 and last.max() <= 255 and not (last % 1).any():
+        seventh = table[:, 6]
+        what = 'alpha' if np.all(seventh == 255) else 'label' if not (seventh % 1).any() else 'intensity'
+        reading = f'x y z red green blue {"-" if what == "alpha" else what}'
+        warnings.warn(
+            f'{path}: seven columns without names are ambiguous; read as {COLUMNS[7]!r}, but they look like x y z red '
+            f'green blue {what}: if so, columns={reading!r}',
+            stacklevel=5,
+        )
+
+
+def _are_normals(vectors: np.ndarray) -> bool:
+    return bool((np.abs(np.square(vectors).sum(axis=1) - 1) < 0.02).all() and (vectors % 1).any())
+
+
 def _bin(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    names = names or COLUMNS[4]
-    data, width = path.read_bytes(), len(names.split())
+    data = path.read_bytes()
+    if not names:
+        width = float_width(data, path.name)
+        names = RECORDS[width]
+        if width != USUAL:
+            warnings.warn(
+                f'{path}: read as {width} float32 a point, as its name or its numbers suggest; else say columns=',
+                stacklevel=4,
+            )
+    width = len(names.split())
     if len(data) % (4 * width):
         raise SceneError(f'{path}: {len(data)} bytes are no multiple of {4 * width} (float32 {names}); cut off?')
     return _named(np.frombuffer(data, dtype='<f4').reshape(-1, width), path, names)
 
 
 def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    try:
-        table = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise SceneError(f'{path}: not readable as .npy: {error}') from error
+    with path.open('rb') as file:
+        table = np.load(file, allow_pickle=False)
     if not isinstance(table, np.ndarray):
         raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
     if table.dtype.names:
@@ -174,11 +227,8 @@ def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 
 def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
-        raise SceneError(f'{path}: not readable as .npz: {error}') from error
+    with path.open('rb') as file, np.load(file, allow_pickle=False) as archive:  # numpy leaves a damaged one open
+        arrays = {name: archive[name] for name in archive.files}
     first = next((name for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in arrays), None)
     if first is None:
         raise SceneError(f'{path}: holds {sorted(arrays)}; expected xyz (N, 3), points (N, 3 or more), or x, y and z')
@@ -211,38 +261,7 @@ def _moved(columns: dict[str, np.ndarray], origin: np.ndarray | None, path: Path
 
 
 def _text(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    text = path.read_bytes().removeprefix(b'\xef\xbb\xbf')
-    header, text = _header_of(text)
-    try:
-        table = parse_table(text)
-    except BadTextError as error:
-        raise SceneError(f'{path}, {error}; expected numbers, one point a line') from error
-    if len(table) == 0:
-        raise SceneError(f'{path}: holds no points')
-    if names is None and len(header) == table.shape[1]:
-        return {name: table[:, i] for i, name in enumerate(header)}
+    found, table = read_text_table(path)
+    if not names and found:
+        return {name: table[:, i] for i, name in enumerate(found) if name}
     return _named(table, path, names)
-
-
-def _header_of(text: bytes) -> tuple[list[str], bytes]:
-    """Names from the line before the first point, and the text with that line as a comment."""
-    at, header = 0, b''
-    while at < len(text):
-        end = text.find(b'\n', at) + 1 or len(text)
-        line = text[at:end].strip()
-        comment = line.startswith((b'#', b'//'))
-        if line and not comment and (header_words := _names_in(line)):
-            return header_words, text[:at] + b'#' + text[at:]
-        if line and not comment:
-            break
-        header = line if line else header
-        at = end
-    return _names_in(header.lstrip(b'#/ ')), text
-
-
-def _names_in(line: bytes) -> list[str]:
-    """The words of a line that has x, y and z among its words; none of another line."""
-    words = line.decode('utf-8', errors='replace').replace(',', ' ').replace(';', ' ').split()
-    words = [word.strip('"\'') for word in words]
-    known = {'x', 'y', 'z'} <= {word.lower() for word in words} and len(set(words)) == len(words)
-    return words if known else []

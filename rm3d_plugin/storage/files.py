@@ -19,6 +19,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from rm3d_plugin.storage.written_files import note_written
 from rm3d_plugin.structures import SceneError
 
 FORMAT_VERSION = 1
@@ -47,6 +48,7 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
             write(file)
             file.flush()
             os.fsync(file.fileno())
+        note_written(path)
         os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -58,10 +60,10 @@ def remove_unfinished(folder: str | Path, pattern: str) -> None:
     """Remove what a killed process left of files that it was writing.
 
     Args:
-        folder: Where the files lie.
+        folder: Where the files lie, in it or below.
         pattern: Of their names, such as ``*.pth``.
     """
-    for rest in Path(folder).glob(f'.{pattern}.*.tmp'):
+    for rest in Path(folder).rglob(f'.{pattern}.*.tmp'):
         rest.unlink(missing_ok=True)
 
 

@@ -2,26 +2,58 @@
 
 # mypy: disable-error-code="no-untyped-def"
 # ruff: noqa: ANN001, ANN202
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from rm3d_plugin.storage.ply import cast_checked
 from rm3d_plugin.storage.text_table import BadTextError, parse_table
 from rm3d_plugin.structures import SceneError
 
 _TYPES = {'I': 'i', 'U': 'u', 'F': 'f'}
 _FORMS = ('ascii', 'binary', 'binary_compressed')
+_HEADER_BYTES = 1 << 16
+_MOST = 1 << 40  # points, or numbers in one: more is no file of this world
+_LZF_RATIO = 90  # at most 264 bytes from 3
+
+
+class PcdField(NamedTuple):
+    """``width`` numbers of one type in each point; their name."""
+
+    name: str
+    kind: np.dtype
+    width: int
+
+    @property
+    def is_padding(self) -> bool:
+        """Room that holds nothing."""
+        return self.name.startswith('_')
+
+    @property
+    def size(self) -> int:
+        """Bytes a point."""
+        return self.kind.itemsize * self.width
 
 
 class PcdHeader(NamedTuple):
-    """What stands before the points: names and type of a point's numbers, how many points, and in which form."""
+    """What stands before the points.
 
-    names: list[str]
-    kinds: list[str]
+    Attributes:
+        fields: Of a point, in order.
+        rows: Points.
+        form: One of ascii, binary, binary_compressed.
+        sensor: Where the scanner stood; None where the header says nothing, or zeros.
+        organised: Points are the pixels of an image: NaN where nothing came back.
+    """
+
+    fields: list[PcdField]
     rows: int
     form: str
+    sensor: tuple[float, float, float] | None
+    organised: bool
 
 
 def read_pcd(path: str | Path) -> dict[str, np.ndarray]:
@@ -37,85 +69,124 @@ def read_pcd(path: str | Path) -> dict[str, np.ndarray]:
         raise SceneError(f'{path}: no such file; expected a PCD file')
     content = path.read_bytes()
     header, start = _read_header(content, path)
-    body = content[start:]
-    if header.form == 'ascii':
-        columns = _ascii(body, header, path)
-    elif header.form == 'binary':
-        columns = _binary(body, header, path)
-    else:
-        columns = _compressed(body, header, path)
-    named = {name: column for name, column in zip(header.names, columns, strict=True) if not name.startswith('_')}
+    read = {'ascii': _ascii, 'binary': _binary, 'binary_compressed': _compressed}[header.form]
+    named: dict[str, np.ndarray] = {}
+    for field, values in zip(header.fields, read(content[start:], header, path), strict=True):
+        if not field.is_padding:
+            named |= {field.name: values[:, 0]} if field.width == 1 else _numbered(field.name, values)
     for name in ('rgb', 'rgba'):
         if name in named:
             named |= _unpacked(named.pop(name))
     return named
 
 
+def read_pcd_header(path: Path) -> PcdHeader:
+    """What the header of a file says.
+
+    Raises:
+        SceneError: It is not PCD.
+    """
+    with path.open('rb') as file:
+        return _read_header(file.read(_HEADER_BYTES), path)[0]
+
+
+def _numbered(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    return {f'{name}_{i}': values[:, i] for i in range(values.shape[1])}
+
+
 def _read_header(content: bytes, path: Path) -> tuple[PcdHeader, int]:
     entries: dict[str, list[str]] = {}
     at = 0
     while 'DATA' not in entries:
-        end = content.find(b'\n', at)
-        words = content[at : end if end >= 0 else len(content)].decode('ascii', errors='replace').split()
+        end = content.find(b'\n', at, _HEADER_BYTES)
+        words = content[at : end if end >= 0 else min(len(content), _HEADER_BYTES)].decode('ascii', 'replace').split()
         if words and not words[0].startswith('#'):
             entries[words[0].upper()] = words[1:]
         if end < 0 or len(entries) > 20:
             break
         at = end + 1
+    entries.setdefault('FIELDS', entries.pop('COLUMNS', []))  # their name in PCD 0.5
     missing = [key for key in ('FIELDS', 'SIZE', 'TYPE', 'DATA') if not entries.get(key)]
     if missing:
         raise SceneError(f'{path}: no line {missing[0]} in the header; expected a PCD file')
-    counts = entries.get('COUNT') or ['1'] * len(entries['FIELDS'])
-    try:
-        rows = (
-            int(entries['POINTS'][0]) if entries.get('POINTS') else int(entries['WIDTH'][0]) * int(entries['HEIGHT'][0])
-        )
-        names, kinds = [], []
-        for name, size, kind, count in zip(entries['FIELDS'], entries['SIZE'], entries['TYPE'], counts, strict=True):
-            names += [name] if int(count) == 1 else [f'{name}_{i}' for i in range(int(count))]
-            kinds += [np.dtype(f'<{_TYPES[kind.upper()]}{int(size)}').str] * int(count)
-    except (KeyError, IndexError, ValueError, TypeError) as error:
-        raise SceneError(f'{path}: header: FIELDS, SIZE, TYPE, COUNT and POINTS do not fit: {error!r}') from error
     form = entries['DATA'][0].lower()
     if form not in _FORMS:
         raise SceneError(f'{path}: DATA {form!r}; expected one of {", ".join(_FORMS)}')
-    used = [name for name in names if not name.startswith('_')]
+    try:
+        header = _header_of(entries, form)
+    except (KeyError, IndexError, ValueError, TypeError) as error:
+        raise SceneError(f'{path}: header: FIELDS, SIZE, TYPE, COUNT and POINTS do not fit: {error!r}') from error
+    used = [field.name for field in header.fields if not field.is_padding]
     if len(set(used)) != len(used):
-        raise SceneError(f'{path}: FIELDS names a field twice: {" ".join(used)}')
-    return PcdHeader(names, kinds, rows, form), at
+        raise SceneError(f'{path}: FIELDS names a field twice: {" ".join(used[:12])}')
+    return header, at
+
+
+def _header_of(entries: Mapping[str, list[str]], form: str) -> PcdHeader:
+    """Raises ValueError, KeyError, IndexError or TypeError where an entry makes no sense."""
+    names = entries['FIELDS']
+    counts = [int(count) for count in entries.get('COUNT') or ['1'] * len(names)]
+    shape = [int(entries[key][0]) if entries.get(key) else 1 for key in ('WIDTH', 'HEIGHT')]
+    rows = int(entries['POINTS'][0]) if entries.get('POINTS') else shape[0] * shape[1]
+    if min(counts) < 1 or rows < 0 or max(*counts, rows) > _MOST:
+        raise ValueError(f'COUNT {min(counts)} to {max(counts)}, {rows} points')
+    kinds = [
+        np.dtype(f'<{_TYPES[kind.upper()]}{int(size)}')
+        for size, kind in zip(entries['SIZE'], entries['TYPE'], strict=True)
+    ]
+    fields = [PcdField(*parts) for parts in zip(names, kinds, counts, strict=True)]
+    view = [float(word) for word in entries.get('VIEWPOINT', [])[:3]]
+    x, y, z = view if len(view) == 3 and np.isfinite(view).all() else (0.0, 0.0, 0.0)
+    return PcdHeader(fields, rows, form, (x, y, z) if x or y or z else None, shape[1] > 1)
 
 
 def _ascii(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
+    ends = np.cumsum([field.width for field in header.fields]).tolist()
+    if ends[-1] > len(body):
+        raise SceneError(f'{path}: {len(body)} bytes of points, but COUNT says {ends[-1]} numbers each; cut off?')
     try:
-        table = parse_table(body, columns=len(header.names))
+        table = parse_table(body, columns=ends[-1])
     except BadTextError as error:
         raise SceneError(f'{path}: after the header, {error}') from error
     if len(table) != header.rows:
         raise SceneError(f'{path}: {len(table)} points, the header says {header.rows}; cut off? copy it again')
-    return [table[:, i].astype(kind) for i, kind in enumerate(header.kinds)]
+    return [
+        table[:, end - field.width : end]
+        if field.is_padding
+        else cast_checked(table[:, end - field.width : end], field.kind, f'{path}: {field.name}')
+        for end, field in zip(ends, header.fields, strict=True)
+    ]
 
 
 def _binary(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
-    row = np.dtype([(f'f{i}', kind) for i, kind in enumerate(header.kinds)])
-    _need(path, len(body), row.itemsize * header.rows)
-    table = np.frombuffer(body, dtype=row, count=header.rows)
-    return [table[f'f{i}'].copy() for i in range(len(header.kinds))]
+    size = sum(field.size for field in header.fields)
+    _need(path, len(body), size * header.rows)
+    rows = np.frombuffer(body, dtype=np.uint8, count=size * header.rows).reshape(header.rows, size)
+    ends = np.cumsum([field.size for field in header.fields]).tolist()
+    return [
+        np.ascontiguousarray(rows[:, end - field.size : end]).view(field.kind)
+        if not field.is_padding
+        else rows[:, end - field.size : end]
+        for end, field in zip(ends, header.fields, strict=True)
+    ]
 
 
 def _compressed(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
     """LZF over the fields one after the other; before it, the sizes packed and unpacked."""
     _need(path, len(body), 8)
     packed, size = np.frombuffer(body, dtype='<u4', count=2).tolist()
-    kinds = [np.dtype(kind) for kind in header.kinds]
-    if size != sum(kind.itemsize for kind in kinds) * header.rows:
+    ends = [header.rows * end for end in np.cumsum([field.size for field in header.fields]).tolist()]
+    if size != ends[-1]:
         raise SceneError(f'{path}: unpacks to {size} bytes, which is not {header.rows} points; copy it again')
     _need(path, len(body) - 8, packed)
+    if size > _LZF_RATIO * packed:
+        raise SceneError(f'{path}: {packed} bytes cannot unpack to {size}; copy the file again')
     out = np.zeros(size, dtype=np.uint8)
     if _unpack_lzf(np.frombuffer(body, dtype=np.uint8, offset=8, count=packed), out) != size:
         raise SceneError(f'{path}: the compressed points are damaged; copy the file again')
-    ends = np.cumsum([kind.itemsize * header.rows for kind in kinds]).tolist()
     return [
-        out[end - kind.itemsize * header.rows : end].view(kind).copy() for end, kind in zip(ends, kinds, strict=True)
+        out[end - field.size * header.rows : end].view(field.kind).reshape(header.rows, field.width)
+        for end, field in zip(ends, header.fields, strict=True)
     ]
 
 

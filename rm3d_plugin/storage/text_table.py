@@ -16,6 +16,7 @@ POWERS = 10.0 ** np.arange(23)  # these are exact in float64
 _NEWLINE, _RETURN, _HASH, _SLASH = 10, 13, 35, 47
 _BLANK = np.zeros(256, dtype=np.bool_)
 _BLANK[[32, 9, _RETURN, 44, 59]] = True  # space, tab, end of line, comma, semicolon
+_COMMAS = bytes.maketrans(b',;', b'  ')
 
 
 class BadTextError(SceneError):
@@ -32,7 +33,7 @@ class BadTextError(SceneError):
         super().__init__(f'line {line}: {reason}: {content[:80].decode("ascii", errors="backslashreplace")!r}')
 
 
-def parse_table(text: bytes, columns: int | None = None) -> Float[np.ndarray, 'rows columns']:
+def parse_table(text: bytes, columns: int | None = None, separator: str = '') -> Float[np.ndarray, 'rows columns']:
     r"""Rows of numbers, split by blanks, tabs, commas or semicolons.
 
     Empty lines, and lines that begin with ``#`` or ``//``, are passed over.
@@ -40,6 +41,7 @@ def parse_table(text: bytes, columns: int | None = None) -> Float[np.ndarray, 'r
     Args:
         text: Lines of ASCII.
         columns: Numbers in each row; None: as many as the first row has.
+        separator: The only letter that splits cells, so that an empty one is NaN; '': any number of any of them.
 
     Returns:
         (rows, columns) float64; (0, columns or 0) where there is no row.
@@ -52,19 +54,28 @@ def parse_table(text: bytes, columns: int | None = None) -> Float[np.ndarray, 'r
            [-300. ,    4. ]])
     """
     data = np.frombuffer(text, dtype=np.uint8)
-    rows, width = _shape(data, _BLANK)
-    width = width if columns is None else columns
+    blank, sep = _BLANK & (np.arange(256) <= 32) if separator else _BLANK, ord(separator) if separator else -1
+    if sep >= 0:
+        blank[sep] = False
+    rows, found = _shape(data, blank, sep)
+    width = found if columns is None else columns
+    if rows and width != found:
+        raise _bad_line(text, int(_first_row(data, blank)), f'{found} numbers, expected {width}')
     out = np.empty((rows, width))
     if rows == 0:
         return out
     spans = np.empty((max(1024, width), 4), dtype=np.int64)
     start, row = 0, 0
     while row < rows:
-        start, row, slow, bad = _fill(data, start, row, out, spans, _BLANK, POWERS)
+        start, row, slow, bad = _fill(data, start, row, out, spans, blank, sep, POWERS)
         _read_slowly(text, spans[:slow], out)
         if bad >= 0:
-            words = text[bad:].split(b'\n', 1)[0].replace(b',', b' ').replace(b';', b' ').split()
-            raise _bad_line(text, bad, f'{len(words)} numbers, expected {width}')
+            line = text[bad:].split(b'\n', 1)[0].strip()
+            words = line.split(separator.encode()) if separator else line.translate(_COMMAS).split()
+            two_in_one = len(words) == width
+            raise _bad_line(
+                text, bad, 'two words in one cell' if two_in_one else f'{len(words)} numbers, expected {width}'
+            )
     return out
 
 
@@ -96,8 +107,17 @@ def _first(data, i, blank):
 
 
 @njit(cache=True)
-def _shape(data, blank):
-    """Lines that are not empty, and the numbers in the first of them."""
+def _first_row(data, blank):
+    """Where the first number of the first row stands."""
+    i = _first(data, 0, blank)
+    while i < len(data) and data[i] == _NEWLINE:
+        i = _first(data, i + 1, blank)
+    return i
+
+
+@njit(cache=True)
+def _shape(data, blank, sep):
+    """Lines that are not empty, and the numbers in the first of them; with a separator, the cells."""
     n, i, rows, width = len(data), 0, 0, 0
     while i < n:
         i = _first(data, i, blank)
@@ -105,10 +125,13 @@ def _shape(data, blank):
             rows += 1
             inside = False
             while i < n and data[i] != _NEWLINE:
-                if rows == 1 and not blank[data[i]] and not inside:
+                if rows == 1 and sep >= 0:
+                    width += data[i] == sep
+                elif rows == 1 and not blank[data[i]] and not inside:
                     width += 1
                 inside = not blank[data[i]]
                 i += 1
+            width += rows == 1 and sep >= 0
         i += 1
     return rows, width
 
@@ -153,7 +176,7 @@ def _number(data, i, end, powers):
 
 
 @njit(cache=True)
-def _fill(data, i, row, out, spans, blank, powers):
+def _fill(data, i, row, out, spans, blank, sep, powers):
     """Fill rows from the line at ``i`` on, until ``spans`` (numbers to be read slowly) could overflow."""
     n, slow, width = len(data), 0, out.shape[1]
     while row < len(out) and slow + width <= len(spans):
@@ -164,11 +187,11 @@ def _fill(data, i, row, out, spans, blank, powers):
         begin, column = i, 0
         while True:
             end = i
-            while end < n and data[end] != _NEWLINE and not blank[data[end]]:
+            while end < n and data[end] != _NEWLINE and not blank[data[end]] and data[end] != sep:
                 end += 1
             if column >= width:
                 return i, row, slow, begin
-            value, quick = _number(data, i, end, powers)
+            value, quick = (np.nan, True) if end == i else _number(data, i, end, powers)
             out[row, column] = value
             if not quick:
                 spans[slow, 0], spans[slow, 1], spans[slow, 2], spans[slow, 3] = i, end, row, column
@@ -179,6 +202,12 @@ def _fill(data, i, row, out, spans, blank, powers):
                 i += 1
             if i >= n or data[i] == _NEWLINE:
                 break
+            if sep >= 0:
+                if data[i] != sep:
+                    return i, row, slow, begin
+                i += 1
+                while i < n and blank[data[i]]:
+                    i += 1
         if column != width:
             return i, row, slow, begin
         row += 1

@@ -7,6 +7,7 @@ from rm3d_plugin.structures.point_cloud import PointCloud, SceneError
 from rm3d_plugin.structures.pseudo_labels import UNLABELLED, PseudoLabels
 from rm3d_plugin.structures.regions import RegionGraph, Regions, number_by_first_point
 from rm3d_plugin.structures.sample import SceneSample
+from rm3d_plugin.structures.strays import stray_points
 
 __all__ = [
     'UNLABELLED',
@@ -20,4 +21,5 @@ __all__ = [
     'SceneError',
     'SceneSample',
     'number_by_first_point',
+    'stray_points',
 ]

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.user_error import UserError
 
-class SceneError(ValueError):
+
+class SceneError(UserError):
     """Data that cannot be used; the message names the file or field, what was expected and what to do."""
 
 
@@ -69,9 +71,9 @@ class PointCloud:
 
     @classmethod
     def from_world(cls, xyz: Float[np.ndarray, 'points 3'], **channels: np.ndarray) -> 'PointCloud':
-        """Build from float64 world coordinates: the rounded centre becomes the origin."""
+        """Build from float64 world coordinates: the rounded median becomes the origin."""
         world = np.asarray(xyz, dtype=np.float64)
-        origin = np.round(world.mean(axis=0)) if len(world) else np.zeros(3)
+        origin = np.round(np.median(world, axis=0)) if len(world) else np.zeros(3)
         return cls(xyz=(world - origin).astype(np.float32), origin=origin, **channels)
 
     def __len__(self) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from configs.leaves import ROOT
-from configs.test_segmentation_configs import build_label_maker, load, model_of
+from configs.test_segmentation_configs import build_label_maker, model_of
 from mmengine.config import DictAction
 from mmengine.registry import DefaultScope
 
@@ -20,12 +20,13 @@ TEXT = (ROOT / 'docs' / 'ablations.md').read_text(encoding='utf-8')
 
 def rows() -> list[tuple[str, str]]:
     """Base config and options of each row of the tables."""
-    base, found = '', []
+    base, added, found = '', '', []
     for line in TEXT.splitlines():
-        if named := re.fullmatch(r'Base: `(.+)`', line):
-            base = named[1]
+        if named := re.fullmatch(r'Base: `([^`]+)`(?: with `(.+)`)?', line):
+            base, added = named[1], named[2] or ''
         elif line.startswith('|') and (options := re.search(r'`([^`]+=[^`]*)` \|$', line)):
-            found.append((base, options[1]))
+            own = '' if 'strategy=' in options[1] else added
+            found.append((base, f'{own} {options[1]}'.strip()))
     return found
 
 
@@ -51,7 +52,7 @@ def test_a_row_builds_and_differs_from_its_base(base, text, tmp_path):
     config = loaded(base, text, tmp_path)
     with DefaultScope.overwrite_default_scope(SCOPE):
         model, made = model_of(config), build_label_maker(config)
-    plain = load(ROOT / base, tmp_path)
+    plain = loaded(base, 'strategy=regions', tmp_path)
     hook, before = config.custom_hooks[1], plain.custom_hooks[1]
     assert shown(config, hook) != shown(plain, before)
     for key, value in options_of(text).items():

@@ -90,12 +90,26 @@ def test_resuming_a_finished_run_changes_nothing(world, finished, tmp_path):
     assert 'resumed epoch: 2' in log and tiny_runs.refreshes(log) == []
 
 
+def test_a_resumed_run_must_have_the_same_settings(world, finished, tmp_path):
+    work = tmp_path / 'run'
+    shutil.copytree(finished.folder, work)
+    changed = tiny_runs.options(world, learning_rate=0.5)
+    code, log = tiny_runs.run(tmp_path / 'log.txt', tiny_runs.train, work, changed, True)
+    assert code == 1 and 'learning_rate: ' in log and '0.5 now' in log
+    assert_same_run(work, finished.folder)
+
+
 def test_a_new_run_in_the_same_folder_leaves_nothing_of_the_old(world, finished, tmp_path):
     work = tmp_path / 'run'
     shutil.copytree(finished.folder, work)
-    (work / 'epoch_9.pth').write_bytes(b'of an older, longer run')
-    code, log = tiny_runs.run(tmp_path / 'log.txt', tiny_runs.train, work, tiny_runs.options(world, rounds=1))
+    (work / 'labels' / 'clicks.csv').write_text('of a person')
+    arguments = (work, tiny_runs.options(world, rounds=1), False, None, False, None)
+    code, log = tiny_runs.run(tmp_path / 'log.txt', tiny_runs.train, *arguments)
+    assert code == 1 and 'holds 2 checkpoints of a run (epoch_2.pth); go on with --resume' in log
+    assert LabelStore(work / 'labels').rounds() == (0, 1)
+    code, log = tiny_runs.run(tmp_path / 'log.txt', tiny_runs.train, *arguments, True)
     assert code == 0, log
+    assert (work / 'labels' / 'clicks.csv').read_text() == 'of a person'
     assert [path.name for path in work.glob('epoch_*.pth')] == ['epoch_1.pth']
     assert LabelStore(work / 'labels').rounds() == (0,)
     assert json.loads((work / 'metrics.json').read_text())['losses'] == {'1': finished.record['losses']['1']}

@@ -145,9 +145,21 @@ def test_records_come_back_in_the_order_of_the_epochs(tmp_path):
 def test_the_latest_checkpoint_is_a_complete_one_of_the_highest_epoch(tmp_path):
     assert latest_checkpoint(tmp_path) is None and latest_checkpoint(tmp_path / 'absent') is None
     for name in ('epoch_9.pth', 'epoch_10.pth', 'epoch_best.pth', '.epoch_11.pth.1.x.tmp', 'iter_99.pth'):
-        (tmp_path / name).write_bytes(b'')
+        torch.save({'state_dict': {'weight': torch.ones(400)}}, tmp_path / name)
     (tmp_path / 'last_checkpoint').write_text('')
     assert latest_checkpoint(tmp_path) == tmp_path / 'epoch_10.pth'
+    data = bytearray((tmp_path / 'epoch_10.pth').read_bytes())
+    data[data.index(np.ones(4, np.float32).tobytes()) + 2] ^= 1  # a single bit of a weight
+    (tmp_path / 'epoch_10.pth').write_bytes(data)
+    with pytest.warns(UserWarning, match='epoch_10.pth: .*does not fit its checksum.* It is passed over'):
+        assert latest_checkpoint(tmp_path) == tmp_path / 'epoch_9.pth'
+
+
+@pytest.mark.parametrize('weight', [np.nan, np.inf, 1e30])
+def test_absurd_weights_are_refused(tmp_path, weight):
+    torch.save({'state_dict': {'count': torch.tensor(3), 'w': torch.tensor([1.0, weight])}}, tmp_path / 'epoch_1.pth')
+    with pytest.raises(ConfigError, match='epoch_1.pth: weight w is NaN, infinite or absurdly large'):
+        read_checkpoint(tmp_path / 'epoch_1.pth')
 
 
 def test_a_failed_write_leaves_the_old_checkpoint_and_nothing_else(tmp_path):

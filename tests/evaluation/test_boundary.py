@@ -124,3 +124,23 @@ def test_metric_uses_objects_and_names_what_is_missing():
         metric.process(None, [scene])
     with pytest.raises(ValueError, match='pass num_classes'):
         OversegMetric().process(None, [sample(np.random.default_rng(1))])
+
+
+@pytest.mark.parametrize('kind', ['int8', 'uint8', 'uint16', 'int32', 'uint64'])
+def test_any_integer_type_counts_alike(kind):
+    rng = np.random.default_rng(5)
+    xyz, classes, regions = rng.random((200, 3)), rng.integers(0, 4, 200), rng.integers(0, 30, 200)
+    classes[:20] = 255 if kind != 'int8' else -1
+    want = boundary_counts(xyz, classes, regions, 4, regions)
+    got = boundary_counts(xyz, classes.astype(kind), regions.astype(kind), 4, regions.astype(kind))
+    np.testing.assert_array_equal(got.confusion, want.confusion)
+    names = ('true_edges', 'recalled', 'region_edges', 'confirmed', 'regions')
+    assert [getattr(got, name) for name in names] == [getattr(want, name) for name in names]
+
+
+def test_what_has_no_object_is_the_stuff_of_its_class():
+    xyz = np.arange(6.0)[:, None] * [1, 0, 0]
+    classes = np.array([0, 0, 1, 1, 1, 1])
+    counts = boundary_counts(xyz, classes, classes, 2, objects=np.array([-1, -1, -1, -1, 7, 7]), neighbors=1)
+    assert counts.true_edges == 2  # floor to wall, and wall to picture
+    assert boundary_counts(xyz, classes, classes, 2, objects=np.full(6, -1), neighbors=1).true_edges == 1

@@ -94,6 +94,8 @@ def test_equal_scores_are_one_step_of_the_curve():
     assert trapezoid_ap(np.array([0.5, 0.5]), np.array([True, False]), 1) == 0.75
     assert trapezoid_ap(np.array([0.5, 0.5]), np.array([False, True]), 1) == 0.75
     assert trapezoid_ap(np.array([0.5]), np.array([False]), 2) == 0.0
+    hits = np.array([True, False, True])
+    assert trapezoid_ap(np.array([np.inf, np.inf, 0.1]), hits, 2) == trapezoid_ap(np.array([9, 9, 0.1]), hits, 2)
     assert trapezoid_ap(np.zeros(0), np.zeros(0, dtype=bool), 2) == 0.0
 
 

@@ -122,8 +122,7 @@ def test_bad_input_is_named():
 def test_stray_points_far_off_are_no_ground_and_change_nothing_else():
     xyz = street()[0]
     strays = np.array([[1e6, 1e6, 0.0], [-1e6, 0.0, -50.0]])
-    with pytest.warns(UserWarning, match=f'2 of {len(xyz) + 2} points outside of the middle'):
-        result = segment_ground(np.concatenate([strays[:1], xyz, strays[1:]]))
+    result = segment_ground(np.concatenate([strays[:1], xyz, strays[1:]]))
     want = segment_ground(xyz)
     assert not result.is_ground[[0, -1]].any() and np.isfinite(result.height).all()
     np.testing.assert_array_equal(result.is_ground[1:-1], want.is_ground)

@@ -32,6 +32,8 @@ def test_graph_by_hand():
     assert graph.edges.tolist() == [[0, 1], [2, 3]]
     np.testing.assert_allclose(graph.weights, [1 / (1 + 1 / 0.75), 1 / (1 + 0.5 / 0.75)])
     assert sorted(graph.neighbors[1].tolist()) == [-1, 0]
+    copies = neighbor_graph(np.zeros((5, 3)), 2).neighbors
+    assert ((copies >= 0).sum(axis=1) == 2).all()
     same = neighbor_graph(np.zeros((3, 3)), 2)
     assert same.edges.tolist() == [[0, 1], [0, 2], [1, 2]] and same.weights.tolist() == [1, 1, 1]
     assert neighbor_graph(np.zeros((0, 3)), 10).edges.shape == (0, 2)

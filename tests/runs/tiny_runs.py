@@ -130,6 +130,7 @@ def train(
     moment: str | None = None,
     pictures: bool = False,
     change: Callable[[Any], None] | None = None,
+    overwrite: bool = False,
 ) -> None:
     """Train by the tiny config and tell each refresh.
 
@@ -140,6 +141,7 @@ def train(
         moment: Kill this process then.
         pictures: Draw those of the report.
         change: Called with the config before anything is built.
+        overwrite: Replace the run that is there.
     """
     from mmengine.registry import init_default_scope
 
@@ -159,7 +161,7 @@ def train(
         next(hook for hook in config.custom_hooks if hook.type == 'ReportHook').update(train_scenes=0, val_scenes=0)
     if change is not None:
         change(config)
-    train_config(config, resume)
+    train_config(config, resume, overwrite=overwrite)
 
 
 def _tell_refreshes() -> None:

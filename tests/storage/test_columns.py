@@ -46,7 +46,8 @@ def write_pcd(path, form):
     elif form == 'binary':
         body = b''.join(c[i].tobytes() for i in range(3) for c in columns)
     else:
-        plain = b''.join(c.tobytes() for c in columns)
+        fields = [*columns[:5], np.stack(columns[5:9], 1), np.stack(columns[9:], 1)]  # a field's numbers stay together
+        plain = b''.join(f.tobytes() for f in fields)
         packed = lzf_plain(plain)
         body = np.array([len(packed), len(plain)], '<u4').tobytes() + packed
     path.write_bytes((HEAD + f'DATA {form}\n').encode() + body)
@@ -178,13 +179,15 @@ def test_npz_and_structured_npy(tmp_path):
 
 
 def test_labels_must_be_whole(tmp_path):
-    for bad in (1.5, np.nan, 1e300):
+    for bad in (1.5, np.inf, 1e300):
         np.savez(tmp_path / 'a.npz', xyz=XYZ, label=np.array([1, 2, bad]))
         with pytest.raises(SceneError, match='a.npz: label: expected whole numbers'):
             read_scan(tmp_path / 'a.npz', labels=True)
+    np.savez(tmp_path / 'a.npz', xyz=XYZ, label=np.array([1, 2, np.nan]))
+    assert read_scan(tmp_path / 'a.npz', labels=True).label.tolist() == [1, 2, -1]
     np.savez(tmp_path / 'a.npz', xyz=XYZ, intensity=np.array([1, 2, np.nan]))
-    with pytest.raises(SceneError, match='a.npz: intensity: 1 of 3 points are NaN'):
-        read_scan(tmp_path / 'a.npz')
+    with pytest.warns(UserWarning, match='a.npz: intensity: 1 of 3 points are NaN or infinite; they count as 0'):
+        assert read_scan(tmp_path / 'a.npz').cloud.intensity.tolist() == [1, 2, 0]
 
 
 def test_colour_ranges(tmp_path):

@@ -60,7 +60,7 @@ def test_ply_elements_before_the_vertices_are_passed_over(tmp_path):
     ('content', 'message'),
     [
         (b'solid\n', 'does not begin with "ply"'),
-        (ply_text('binary_big_endian'), 'expected ascii or binary_little_endian'),
+        (ply_text('binary_mixed'), 'expected one of ascii, binary_little_endian, binary_big_endian'),
         (ply_text('binary_little_endian', b'abc'), '3 bytes after the header, expected at least 30'),
         (ply_text('ascii', b'0 0 0 1 1 1\n'), '1 vertices, the header says 2'),
         (ply_text('ascii', b'0 0 0 1 1\n0 0 0 1 1 1\n'), 'vertex 0: 5 numbers, expected 6'),

@@ -1,6 +1,7 @@
 """Checkpoints that load with ``weights_only=True`` and are never half written."""
 
 import json
+import warnings
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from mmengine.fileio import LocalBackend, register_backend
 from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
+from rm3d_plugin.engine.checkpoint import check_whole
+from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.storage.files import remove_unfinished, write_bytes
 
@@ -42,11 +45,21 @@ def forget_checkpoints(work_dir: str | Path, after: int) -> None:
 
 
 def latest_checkpoint(work_dir: str | Path) -> Path | None:
-    """The complete ``epoch_*.pth`` of the highest epoch, or None.
+    """The whole ``epoch_*.pth`` of the highest epoch, or None.
 
     mmengine's ``last_checkpoint`` file is not read: a crash can leave it empty, a complete checkpoint cannot be.
+
+    Warns:
+        UserWarning: A newer one is damaged and passed over.
     """
-    return next(reversed(checkpoints(work_dir).values()), None)
+    for path in reversed(checkpoints(work_dir).values()):
+        try:
+            check_whole(path)
+        except ConfigError as error:
+            warnings.warn(f'{error}. It is passed over.', stacklevel=2)
+        else:
+            return path
+    return None
 
 
 @HOOKS.register_module()

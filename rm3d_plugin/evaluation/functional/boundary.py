@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Integer
 
 from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.ops.segment import segment_majority
@@ -67,10 +67,10 @@ class BoundaryScores(NamedTuple):
 
 def boundary_scores(
     xyz: Float[np.ndarray, 'points 3'],
-    classes: Int[np.ndarray, ' points'],
-    regions: Int[np.ndarray, ' points'],
+    classes: Integer[np.ndarray, ' points'],
+    regions: Integer[np.ndarray, ' points'],
     num_classes: int,
-    objects: Int[np.ndarray, ' points'] | None = None,
+    objects: Integer[np.ndarray, ' points'] | None = None,
     neighbors: int = 5,
     tolerance: int = 1,
 ) -> BoundaryScores:
@@ -80,10 +80,10 @@ def boundary_scores(
 
 def boundary_counts(
     xyz: Float[np.ndarray, 'points 3'],
-    classes: Int[np.ndarray, ' points'],
-    regions: Int[np.ndarray, ' points'],
+    classes: Integer[np.ndarray, ' points'],
+    regions: Integer[np.ndarray, ' points'],
     num_classes: int,
-    objects: Int[np.ndarray, ' points'] | None = None,
+    objects: Integer[np.ndarray, ' points'] | None = None,
     neighbors: int = 5,
     tolerance: int = 1,
 ) -> BoundaryCounts:
@@ -93,17 +93,19 @@ def boundary_counts(
 
     Args:
         xyz: (N, 3) metres.
-        classes: True class 0..C-1 of each point; -1 and 255 are ignored: edges that touch them count nowhere.
+        classes: True class 0..C-1 of each point, of any integer type; -1 and 255 are ignored: edges that
+            touch them count nowhere.
         regions: Region of each point; -1 = discarded, which is never the correct class.
         num_classes: C.
-        objects: True object of each point where known; otherwise classes have the boundaries.
+        objects: True object of each point where known, -1 = none: the class's stuff, which is one object for each
+            class. None: classes have the boundaries.
         neighbors: Nearest points that each point is joined to.
         tolerance: Edges that a boundary may be off.
 
     Raises:
         ValueError: A length differs, a class is out of range, or a number is not usable.
     """
-    classes, regions = np.asarray(classes), np.asarray(regions)
+    classes, regions = (np.asarray(values).astype(np.int64) for values in (classes, regions))
     if not len(xyz) == len(classes) == len(regions) or (objects is not None and len(objects) != len(xyz)):
         raise ValueError(
             f'boundary_counts: {len(xyz)} points, {len(classes)} classes, {len(regions)} regions'
@@ -117,7 +119,7 @@ def boundary_counts(
         raise ValueError(f'boundary_counts: classes: expected 0..{num_classes - 1}, -1 or 255, got {span}')
     edges = neighbor_edges(xyz, neighbors)
     edges = edges[known[edges].all(axis=1)]
-    owner = classes if objects is None else np.asarray(objects)
+    owner = classes if objects is None else _owners(classes, np.asarray(objects))
     true = owner[edges[:, 0]] != owner[edges[:, 1]]
     found = regions[edges[:, 0]] != regions[edges[:, 1]]
     return BoundaryCounts(
@@ -128,6 +130,12 @@ def boundary_counts(
         confusion=_oracle_confusion(np.where(known, classes, -1), regions, num_classes),
         regions=len(np.unique(regions[regions >= 0])),
     )
+
+
+def _owners(classes: Int[np.ndarray, ' points'], objects: Integer[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
+    """A number from 0 for each object, and below 0 for what each class has beside objects."""
+    number = np.unique(objects, return_inverse=True)[1].reshape(-1)
+    return np.where(objects < 0, -1 - classes.astype(np.int64), number)
 
 
 def scores_of(counts: BoundaryCounts) -> BoundaryScores:

@@ -99,7 +99,8 @@ def trapezoid_ap(scores: Float[np.ndarray, ' found'], is_hit: Bool[np.ndarray, '
     if truths == 0 or len(scores) == 0:
         return 0.0
     order = np.argsort(-scores, kind='stable')
-    last = np.append(np.flatnonzero(np.diff(scores[order])), len(order) - 1)  # last of each run of equal scores
+    falling = scores[order]  # compared, not subtracted: scores may be infinite
+    last = np.append(np.flatnonzero(falling[1:] != falling[:-1]), len(order) - 1)  # last of each run of equal scores
     hits = np.cumsum(is_hit[order])[last]
     precision = np.append(1.0, hits / (last + 1))
     recall = np.append(0.0, hits / truths)

@@ -284,7 +284,7 @@ def count_pseudo_labels(
 def without_ignored(semantic: Int[np.ndarray, ' points'], num_classes: int) -> Int[np.ndarray, ' points']:
     """True classes, -1 for the values that stand for "not known" and are no class."""
     ignored = [value for value in IGNORED if not 0 <= value < num_classes]
-    return np.where(np.isin(semantic, ignored), UNLABELLED, semantic)
+    return np.where(np.isin(semantic, ignored), UNLABELLED, np.asarray(semantic).astype(np.int64))
 
 
 def _offsets(

@@ -1,7 +1,7 @@
-"""Few clicks propagated over real scans: nearest label, plain random walker and ours, a row a scan and budget.
+"""Few clicks propagated over scans: nearest label, plain random walker and ours, a row a scan and budget.
 
 A folder of real data holds ``oakland`` and ``semantickitti``; an npz file has xyz (N, 3) metres, semantic (N,)
-(-1 = unknown), optional rgb (N, 3) 0-255 and intensity (N,).
+(-1 = unknown), optional rgb (N, 3) 0-255 and intensity (N,). Made-up rooms need no data.
 """
 
 import argparse
@@ -20,18 +20,20 @@ from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.datasets.kitti_format import read_velodyne
 from rm3d_plugin.datasets.oakland_format import merge_ids as merge_oakland
 from rm3d_plugin.datasets.oakland_format import read_tile
+from rm3d_plugin.datasets.scannet_format import class_of_nyu40
 from rm3d_plugin.datasets.semantickitti_format import merge_ids, read_labels
+from rm3d_plugin.datasets.synthetic.rooms import make_room
+from rm3d_plugin.evaluation.realism import ROOM_POINTS
 from rm3d_plugin.experiments.benchmarks.measure import machine
-from rm3d_plugin.pseudo_labels.propagation.channels import channel_groups
-from rm3d_plugin.pseudo_labels.propagation.neighborhoods import neighborhoods
-from rm3d_plugin.pseudo_labels.propagation.point_graph import smoothed
-from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
 from rm3d_plugin.structures import PointCloud
 
 NAME = 'propagate-clicks'
 HELP = 'mIoU and seconds of few clicks propagated over each real scan'
-CHOSEN = ('part2', '00/')  # scans on which constants were chosen: Oakland's part2, SemanticKITTI's sequence 00
+# Scans on which constants were chosen: Oakland's part2, SemanticKITTI's sequence 00, the first six rooms.
+CHOSEN = ('part2', '00/', *(f'room{number:02d}' for number in range(6)))
+ROOM_SEED, ROOM_SPACING = 7, 0.02  # metres between points before ROOM_POINTS of them are drawn
 
 
 class Scan(NamedTuple):
@@ -44,7 +46,8 @@ class Scan(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the benchmark."""
-    parser.add_argument('sources', nargs='+', type=Path, help='folder of real data, or npz files')
+    parser.add_argument('sources', nargs='*', type=Path, help='folder of real data, or npz files')
+    parser.add_argument('--rooms', type=int, default=0, help='made-up rooms of 50,000 points besides; default 0')
     parser.add_argument('--seeds', nargs='+', type=int, default=[0], help='of the drawn clicks; default 0')
     parser.add_argument(
         '--half',
@@ -59,7 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """A line a scan and budget on the way; then means by budget and seed."""
     rows: dict[str, list[list[float]]] = {}
-    for scan in (scan for source in args.sources for scan in scans_of(source)):
+    scans = chain(chain.from_iterable(scans_of(source) for source in args.sources), made_up_rooms(args.rooms))
+    for scan in scans:
         if args.half != 'all' and (args.half == 'chosen') != scan.name.startswith(CHOSEN):
             continue
         for budget, row in rows_of(scan, args.seeds, not args.no_walker):
@@ -85,6 +89,15 @@ def semantickitti(root: Path) -> Iterator[Scan]:
         yield Scan(name, PointCloud(points[:, :3], intensity=strength), np.asarray(semantic, np.int64))
 
 
+def made_up_rooms(count: int) -> Iterator[Scan]:
+    """Rooms of as many points as the real ones that they were compared with, in ScanNet's twenty classes."""
+    for number in range(count):
+        room = make_room(ROOM_SEED, number, ROOM_SPACING)
+        order = np.random.default_rng(number).permutation(len(room))[:ROOM_POINTS]
+        cloud = PointCloud(room.aligned[order].astype(np.float32), colors=room.colors[order] / 255.0)
+        yield Scan(f'room{number:02d}', cloud, np.asarray(class_of_nyu40(room.nyu40)[order], np.int64))
+
+
 def stored(path: Path) -> Scan:
     """A scan of an npz file."""
     with np.load(path, allow_pickle=False) as file:
@@ -93,26 +106,9 @@ def stored(path: Path) -> Scan:
         return Scan(path.stem, PointCloud.from_world(file['xyz'], **channels), file['semantic'].astype(np.int64))
 
 
-def plain_walker(cloud: PointCloud) -> scipy.sparse.csr_array:
+def plain_walker(scene: PreparedCloud) -> scipy.sparse.csr_array:
     """Weights of a random walker with fixed scales: degrees, Lab units, curvature; a floor that needs no scan's own."""
-    near, channels = neighborhoods(cloud.xyz), channel_groups(cloud)
-    start, end = np.repeat(np.arange(len(cloud)), 12), near.nearest[:, 1:13].ravel()
-    cosine = np.abs((near.normal[start] * near.normal[end]).sum(axis=1)).clip(0, 1)
-    angle = 20.0 if cloud.colors is None else 7.0
-    local = 2.0 * np.maximum(near.distance[:, 6], 1e-3)
-    cost = (np.degrees(np.arccos(cosine)) / angle) ** 2 + (near.distance[:, 1:13] / local[:, None]).ravel() ** 2
-    if cloud.colors is None:
-        cost += ((near.shape[start, 5] - near.shape[end, 5]) / 0.03) ** 2
-    else:
-        lab = smoothed(channels[0], near.nearest)
-        cost += (np.linalg.norm(lab[start] - lab[end], axis=1) / 10.0) ** 2
-    if cloud.intensity is not None:
-        cost += ((cloud.intensity[start] - cloud.intensity[end]) / 0.1) ** 2
-    shape = (len(cloud), len(cloud))
-    there = end >= 0  # a scan of fewer than 13 points has fewer neighbours
-    weight = np.exp(-cost[there]) + 1e-4
-    directed = scipy.sparse.coo_array((weight, (start[there], end[there])), shape=shape).tocsr()
-    return directed.maximum(directed.T).tocsr()
+    return scene.graphs[1].weights
 
 
 def walked(weights: scipy.sparse.csr_array, clicked: np.ndarray, classes: np.ndarray) -> np.ndarray:
@@ -135,7 +131,7 @@ def rows_of(scan: Scan, seeds: list[int], walker: bool) -> Iterator[tuple[str, l
     began = time.perf_counter()
     scene = prepare_cloud(scan.cloud)
     prepared = time.perf_counter() - began
-    weights = plain_walker(scan.cloud) if walker else None
+    weights = plain_walker(scene) if walker else None
     for seed in seeds:
         for budget in BUDGETS:
             clicked = draw_clicks(scan.semantic, budget, np.random.default_rng(seed))

@@ -22,7 +22,7 @@ from rm3d_plugin.experiments.run_commands import config_path, parse_options
 from rm3d_plugin.experiments.runner import Commands, final_scores, plan, run_folder, run_rows
 from rm3d_plugin.experiments.scenes import real_root
 from rm3d_plugin.experiments.spec import Request, Row
-from rm3d_plugin.pseudo_labels.propagation import propagate
+from rm3d_plugin.pseudo_labels.propagation import prepare_cloud, propagate_prepared
 from rm3d_plugin.registry import DATASETS, SCOPE
 from rm3d_plugin.storage import LabelStore, write_text
 from rm3d_plugin.structures import UNLABELLED, PointCloud
@@ -245,11 +245,11 @@ def without_training(
     cloud: PointCloud, annotated: Int[np.ndarray, ' points'], classes: int
 ) -> dict[str, Int[np.ndarray, ' points']]:
     """What each point is called from the labelled ones and the scan alone, by column."""
-    labelled = np.flatnonzero(annotated >= 0)
+    labelled, scene = np.flatnonzero(annotated >= 0), prepare_cloud(cloud)
     return {
         'nearest': _nearest(cloud.xyz, annotated),
-        'walker': walked(plain_walker(cloud), labelled, annotated[labelled]),
-        'solver': propagate(cloud, annotated, classes).semantic,
+        'walker': walked(plain_walker(scene), labelled, annotated[labelled]),
+        'solver': propagate_prepared(scene, annotated, classes).semantic,
     }
 
 

@@ -39,7 +39,7 @@ class Beside:
         Raises:
             ValueError: It does not; the message names the field.
         """
-        points, width = scene.features.shape
+        points, width = len(scene.cloud), scene.features.shape[1]
         rows = 0 if self.features is None else len(self.features)
         expected = {
             'features': (rows, width),
@@ -62,11 +62,11 @@ class Beside:
 def examples_of(
     scene: PreparedCloud, annotated: Int[np.ndarray, ' points']
 ) -> tuple[Float[np.ndarray, 'examples features'], Int[np.ndarray, ' examples']]:
-    """Features and classes of the labelled points of a scan: what it gives to :class:`Beside` of others.
+    """What a scan gives to :class:`Beside` of others: small regions about its labelled points, and classes.
 
     Args:
         scene: The scan.
         annotated: Class of each point, -1 = unknown.
     """
     rows = np.flatnonzero(annotated >= 0)
-    return scene.features[rows], annotated[rows].astype(np.int64)
+    return scene.features[scene.scales[0].region[rows]], annotated[rows].astype(np.int64)

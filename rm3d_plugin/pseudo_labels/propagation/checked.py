@@ -21,7 +21,7 @@ from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, WalkerRules
-from rm3d_plugin.pseudo_labels.propagation.solve import coarse_scene, solve
+from rm3d_plugin.pseudo_labels.propagation.solve import at_points, coarse_graphs, solve
 
 POWERS = tuple(2.0 ** (step / 4) for step in range(-8, 13))  # of the probabilities that are tried, 1/4 to 8
 
@@ -57,9 +57,8 @@ def check_labels(
         beside: Examples of other scans, and the classes that may be here.
     """
     present, labels = labels_of(scene, annotated, num_classes, beside)
-    coarse = coarse_scene(scene, labels.nodes, rules.left_out_nodes)
-    node, folds = coarse.coarse.node, max(rules.folds, 2)
-    xyz = scene.cloud.xyz[labels.nodes].astype(np.float64)
+    graphs, folds = coarse_graphs(scene, labels.points, rules.left_out_nodes), max(rules.folds, 2)
+    xyz = scene.cloud.xyz[labels.points].astype(np.float64)
     part = label_folds(xyz, labels.classes, scene.spacing, folds, np.random.default_rng(rules.seed))
     alone = part < 0
     part[alone] = np.arange(np.count_nonzero(alone)) % folds
@@ -67,12 +66,12 @@ def check_labels(
     for number in np.unique(part):
         asked = part == number
         told = labels.select(~asked)
-        if not len(told.nodes) and not len(told.others):
+        if not len(told.points) and not len(told.others):
             continue
-        said = solve(coarse, told.at(node), strength_of(DEFAULT, told.classes, rules), rules).shares
-        shares[np.ix_(asked, present)] = said[node[labels.nodes[asked]]]
-        found[present] += np.bincount(said.argmax(axis=1), coarse.coarse.sizes, len(present))
-    return CheckedLabels(shares, annotated[labels.nodes].astype(np.int64), found)
+        said = at_points(graphs, solve(scene, graphs, told, strength_of(DEFAULT, told, rules), rules))
+        shares[np.ix_(asked, present)] = said[labels.points[asked]]
+        found[present] += np.bincount(said.argmax(axis=1), minlength=len(present))
+    return CheckedLabels(shares, annotated[labels.points].astype(np.int64), found)
 
 
 def joined(checked: Sequence[CheckedLabels]) -> CheckedLabels:

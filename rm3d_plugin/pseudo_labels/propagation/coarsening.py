@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 from numba import njit
 
 from rm3d_plugin.pseudo_labels.propagation.point_graph import PointGraph
@@ -83,10 +83,3 @@ def _pair(indptr, indices, data, alone):
             out[best] = pairs
         pairs += 1
     return out, pairs
-
-
-def node_means(values: Float[np.ndarray, 'points columns'], coarse: Coarsening) -> Float[np.ndarray, 'nodes columns']:
-    """Means of the points of each node."""
-    shape = (len(coarse.sizes), len(values))
-    gather = scipy.sparse.csr_array((np.ones(len(values)), (coarse.node, np.arange(len(values)))), shape=shape)
-    return np.asarray((gather @ values.astype(np.float64)) / coarse.sizes[:, None])

@@ -39,7 +39,7 @@ def spread_instances(
     instances, number = np.unique(annotated[labelled], return_inverse=True)
     own = np.full(len(semantic), -1, dtype=np.int64)
     own[labelled] = number
-    piece = pieces(scene.graph, semantic)
+    piece = pieces(scene.graphs[0], semantic)
     shares = propagate_prepared(scene, own, len(instances), NO_FEATURES, Beside(sharpness=1.0)).probabilities
     for each in np.unique(piece[labelled]):
         rows, there = np.flatnonzero(piece == each), np.unique(number[piece[labelled] == each])

@@ -7,17 +7,17 @@ from jaxtyping import Bool, Float, Int
 
 
 class Labels(NamedTuple):
-    """What is given of the points of a scan, or of nodes that stand for them, and of other scans.
+    """What is given of the points of a scan and of other scans.
 
     Attributes:
-        nodes: (L,) points or nodes with a label, each once.
+        points: (L,) with a label, each once.
         classes: (L,) of each, from 0 to ``num_classes`` - 1.
         num_classes: How many; those without a label get what others say for them.
         others: (E, F) features of labelled points of other scans.
         other_classes: (E,) of these.
     """
 
-    nodes: Int[np.ndarray, ' labelled']
+    points: Int[np.ndarray, ' labelled']
     classes: Int[np.ndarray, ' labelled']
     num_classes: int
     others: Float[np.ndarray, 'examples features']
@@ -25,8 +25,4 @@ class Labels(NamedTuple):
 
     def select(self, rows: Bool[np.ndarray, ' labelled']) -> 'Labels':
         """Some of the labels, and all others."""
-        return self._replace(nodes=self.nodes[rows], classes=self.classes[rows])
-
-    def at(self, node: Int[np.ndarray, ' points']) -> 'Labels':
-        """The same at nodes that stand for the points."""
-        return self._replace(nodes=node[self.nodes])
+        return self._replace(points=self.points[rows], classes=self.classes[rows])

@@ -10,9 +10,8 @@ from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
-from rm3d_plugin.pseudo_labels.propagation.prior_shift import label_trust
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, Candidate, WalkerRules
-from rm3d_plugin.pseudo_labels.propagation.solve import CoarseScene, coarse_scene, solve
+from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, at_points, coarse_graphs, solve, trust_of
 
 
 class LeftOut(NamedTuple):
@@ -36,52 +35,50 @@ def leave_labels_out(
         scene: The scan.
         labels: Of its points.
         candidates: That are asked.
-        rules: How many parts, and on how coarse a graph.
+        rules: How many parts, and on how coarse graphs.
 
     Returns:
         None where too few labels can be left out (:attr:`WalkerRules.least_left_out`).
     """
-    xyz = scene.cloud.xyz[labels.nodes].astype(np.float64)
+    xyz = scene.cloud.xyz[labels.points].astype(np.float64)
     generator = np.random.default_rng(rules.seed)
     part = label_folds(xyz, labels.classes, scene.spacing, max(rules.folds, 2), generator)
     rows = np.flatnonzero(part >= 0)
     if rules.folds < 2 or len(rows) < rules.least_left_out:
         return None
-    coarse = coarse_scene(scene, labels.nodes, rules.left_out_nodes)
+    graphs = coarse_graphs(scene, labels.points, rules.left_out_nodes)
     shares: dict[Candidate, np.ndarray] = {name: np.zeros((len(part), labels.num_classes)) for name in candidates}
     for number in np.unique(part[rows]):
         asked = part == number
         for name in candidates:
-            shares[name][asked] = _asked(name, scene, coarse, labels, asked, rules)
+            shares[name][asked] = _asked(name, scene, graphs, labels, asked, rules)
     return LeftOut(rows, {name: each[rows] for name, each in shares.items()})
 
 
 def _asked(
     name: Candidate,
     scene: PreparedCloud,
-    coarse: CoarseScene,
+    graphs: list[CoarseGraph],
     labels: Labels,
     asked: Bool[np.ndarray, ' labelled'],
     rules: WalkerRules,
 ) -> Float[np.ndarray, 'asked classes']:
-    told, points = labels.select(~asked), labels.nodes[asked]
+    told, points = labels.select(~asked), labels.points[asked]
     if name in ('nearest', 'nearest in place and colour'):
-        few = scene.cloud.select(np.concatenate([told.nodes, points]))
-        known = np.arange(len(told.nodes))
+        few = scene.cloud.select(np.concatenate([told.points, points]))
+        known = np.arange(len(told.points))
         said = (
             nearest_label(few.xyz, known, told.classes)
             if name == 'nearest'
             else nearest_label_in_place_and_colour(few, known, told.classes)
         )
         return np.asarray(np.eye(labels.num_classes)[said[len(known) :]])
-    nodes = coarse.coarse.node
-    return solve(coarse, told.at(nodes), strength_of(name, told.classes, rules), rules).shares[nodes[points]]
+    found = solve(scene, graphs, told, strength_of(name, told, rules), rules)
+    return at_points(graphs, found)[points].astype(np.float64)
 
 
-def strength_of(name: Candidate, classes: Int[np.ndarray, ' labelled'], rules: WalkerRules) -> float:
-    """Of the feature prior, by candidate and by how many labels of each class teach it."""
+def strength_of(name: Candidate, labels: Labels, rules: WalkerRules) -> float:
+    """Of the features, by candidate and by how many labels of each class teach them."""
     if name != DEFAULT:
-        return 0.0 if name == 'walker' else rules.features_only_strength
-    counts = np.bincount(classes)
-    trust = label_trust(counts[counts > 0], rules.prior_half)
-    return rules.features_strength + trust * (rules.taught_strength - rules.features_strength)
+        return 0.0
+    return rules.features_strength + trust_of(labels, rules) * (rules.taught_strength - rules.features_strength)

@@ -7,12 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
-from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, SILENT, NetworkSay, WalkerRules
-from rm3d_plugin.pseudo_labels.propagation.solve import CoarseScene, Pull, coarse_scene, solve
+from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, Pull, at_points, coarse_graphs, solve
 
 POWERS = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # inverse temperatures that are tried
 STRENGTHS = (0.003, 0.01, 0.03, 0.1, 0.3)  # pulls that are tried, as shares of the usual degree of a point
@@ -42,7 +41,7 @@ class Trial(NamedTuple):
     @property
     def said(self) -> Float[np.ndarray, 'judges present']:
         """What the network says of them."""
-        return self.network[self.labels.nodes[self.judges]]
+        return self.network[self.labels.points[self.judges]]
 
 
 def trial_of(
@@ -59,7 +58,7 @@ def trial_of(
         network: See :class:`Trial`.
         unseen: Points that it was not taught.
     """
-    judges = unseen[labels.nodes] & np.isfinite(network[labels.nodes]).all(axis=1)
+    judges = unseen[labels.points] & np.isfinite(network[labels.points]).all(axis=1)
     left = len(labels.others) or not judges.all()
     return Trial(scene, labels, network, judges) if judges.any() and left else None
 
@@ -99,13 +98,12 @@ def try_network(trial: Trial, power: float, rules: WalkerRules) -> Bool[np.ndarr
         rules: Of the walk.
     """
     scene, labels, network, judges = trial
-    told, points = labels.select(~judges), labels.nodes[judges]
-    coarse = coarse_scene(scene, labels.nodes, rules.left_out_nodes)
-    node, own = coarse.coarse.node, strength_of(DEFAULT, told.classes, rules)
-    right = []
+    told, points = labels.select(~judges), labels.points[judges]
+    graphs = coarse_graphs(scene, labels.points, rules.left_out_nodes)
+    own, right = strength_of(DEFAULT, told, rules), []
     for strength in (0.0, *STRENGTHS):
-        pull = network_pull(coarse, network, NetworkSay(strength, power, 0))
-        said = solve(coarse, told.at(node), own, rules, pull).shares[node[points]]
+        pulls = network_pulls(graphs, network, NetworkSay(strength, power, 0))
+        said = at_points(graphs, solve(scene, graphs, told, own, rules, pulls))[points]
         right.append(said.argmax(axis=1) == trial.classes)
     return np.stack(right)
 
@@ -126,18 +124,19 @@ def network_weight(
     return float((0.0, *STRENGTHS)[int(np.where(sure, ahead, 0.0).argmax())])
 
 
-def network_pull(coarse: CoarseScene, network: Float[np.ndarray, 'points present'], say: NetworkSay) -> Pull | None:
-    """The pull towards the network at each node; None where it has no say."""
+def network_pulls(
+    graphs: list[CoarseGraph], network: Float[np.ndarray, 'points present'], say: NetworkSay
+) -> list[Pull] | None:
+    """The pull towards the network at the nodes of each graph; None where it has no say."""
     if not say.weight > 0:
         return None
     seen = np.isfinite(network).all(axis=1)
     raised = _raised(np.where(seen[:, None], network, 1.0), say.power) * seen[:, None]
-    mean = _sums(raised, coarse.coarse) / coarse.coarse.sizes[:, None]
-    return Pull(say.weight * coarse.usual_degree * mean.sum(axis=1), normalised(mean))
-
-
-def _sums(values: Float[np.ndarray, 'points columns'], coarse: Coarsening) -> Float[np.ndarray, 'nodes columns']:
-    return np.stack([np.bincount(coarse.node, column, len(coarse.sizes)) for column in values.T], axis=1)
+    means = [graph.mean(raised) for graph in graphs]
+    return [
+        Pull(say.weight * graph.usual_degree * mean.sum(axis=1), normalised(mean))
+        for graph, mean in zip(graphs, means, strict=True)
+    ]
 
 
 def _raised(shares: Float[np.ndarray, 'rows classes'], power: float) -> Float[np.ndarray, 'rows classes']:

@@ -1,5 +1,6 @@
 """What points look like at several scales: shape, height, colour and return strength of what lies around them."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,8 @@ class _Level(NamedTuple):
 
 def point_features(
     xyz: Float[np.ndarray, 'points 3'], near: Neighborhoods, channels: list[Float[np.ndarray, 'points columns']]
-) -> Float[np.ndarray, 'points features']:
-    """Features of all points; lengths follow the spacing of the scan, nothing is assumed of its kind.
+) -> Iterator[Float[np.ndarray, 'points columns']]:
+    """Features of all points, some columns at a time; lengths follow the spacing of the scan.
 
     Shape of the nearest points and of five scales above, how many points fill a voxel there, mean and deviation of the
     channels, and heights over the lowest point of columns of three widths and over the floor.
@@ -40,20 +41,16 @@ def point_features(
         channels: Of :func:`~rm3d_plugin.pseudo_labels.propagation.channels.channel_groups`.
     """
     points = np.asarray(xyz, dtype=np.float64)
-    if not len(points):
-        wide = sum(channel.shape[1] for channel in channels)
-        width = SHAPE_COLUMNS + wide + LEVELS * _level_width(wide) + len(COLUMNS_OF) + 1
-        return np.zeros((0, width), dtype=np.float32)
     extra = np.concatenate([np.zeros((len(points), 0)), *channels], axis=1)
-    columns = [near.shape, extra]
+    yield near.shape
+    yield extra
     below = np.zeros((len(points), _level_width(extra.shape[1])))
     for level in range(1, LEVELS + 1):
         downsampled = _level(points, near.spacing * 2.0**level)
-        told = len(downsampled.middle) >= LEAST_VOXELS
-        columns.append(_level_features(points, downsampled, extra) if told else below)
-        below = columns[-1]
-    columns.append(_heights(points, near.spacing))
-    return np.concatenate([column.astype(np.float32) for column in columns], axis=1)
+        if len(downsampled.middle) >= LEAST_VOXELS:
+            below = _level_features(points, downsampled, extra)
+        yield below
+    yield _heights(points, near.spacing)
 
 
 def _level_width(channels: int) -> int:
@@ -61,7 +58,7 @@ def _level_width(channels: int) -> int:
 
 
 def _level(points: Float[np.ndarray, 'points 3'], size: float) -> _Level:
-    if not size > 0:
+    if not (len(points) and size > 0):
         return _Level(points[:0], np.zeros(len(points), np.int64), np.zeros(0, np.int64))
     cells = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
     _, voxel, count = np.unique(_keys(cells), return_inverse=True, return_counts=True)
@@ -91,6 +88,8 @@ def _level_features(
 
 def _heights(points: Float[np.ndarray, 'points 3'], spacing: float) -> Float[np.ndarray, 'points 4']:
     """Metres over the lowest point of the column and its eight neighbours, by width, and over the floor."""
+    if not len(points):
+        return np.zeros((0, len(COLUMNS_OF) + 1))
     z = points[:, 2]
     heights = [_over_lowest(points, edge * spacing) for edge in COLUMNS_OF]
     return np.stack([*heights, z - np.percentile(z, FLOOR_PERCENT)], axis=1)

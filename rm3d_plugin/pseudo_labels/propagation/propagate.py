@@ -2,6 +2,8 @@
 
 Nearest points form a graph whose edges are as strong as their ends are alike. Labels spread over it as a random walker
 would find them (Grady 2006), pulled towards what their features say; how frequent classes are is read off the answer.
+Two graphs, whose edges are weighed in two ways, give the mean of their answers. Where labels are few, what the
+answer is sure of teaches what classes look like.
 Labels that are left out tell whether another candidate is better, and how good the answer is.
 """
 
@@ -17,11 +19,11 @@ from rm3d_plugin.pseudo_labels.propagation.estimate import Estimate, calibrated,
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import LeftOut, leave_labels_out, strength_of
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
-from rm3d_plugin.pseudo_labels.propagation.network import judge_network, network_pull, trial_of
+from rm3d_plugin.pseudo_labels.propagation.network import judge_network, network_pulls, trial_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.relax import relax
 from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, SILENT, Candidate, NetworkSay, WalkerRules
-from rm3d_plugin.pseudo_labels.propagation.solve import Pull, coarse_scene, solve
+from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, Pull, Solution, coarse_graphs, solve
 from rm3d_plugin.structures import UNLABELLED, PointCloud
 
 
@@ -94,7 +96,7 @@ def propagate_prepared(
     rules, beside = rules or WalkerRules(), beside or Beside()
     beside.check(scene, num_classes)
     present, labels = labels_of(scene, annotated, num_classes, beside)
-    if not len(labels.nodes) and not len(labels.others):
+    if not len(labels.points) and not len(labels.others):
         return _nothing(len(annotated), num_classes)
     candidates = _candidates(scene.cloud, labels)
     left = leave_labels_out(scene, labels, candidates, rules) if beside.sharpness is None else None
@@ -143,7 +145,7 @@ def _nothing(points: int, num_classes: int) -> Propagation:
 
 def _candidates(cloud: PointCloud, labels: Labels) -> list[Candidate]:
     """All that apply: one class needs no choice, and without colours two are the same."""
-    if labels.num_classes < 2 or not len(labels.nodes):
+    if labels.num_classes < 2 or not len(labels.points):
         return [DEFAULT]
     return [name for name in CANDIDATES if name != 'nearest in place and colour' or cloud.colors is not None]
 
@@ -161,27 +163,37 @@ def _answer(
         np.full((len(scene.cloud), labels.num_classes), 1.0 / labels.num_classes, np.float32),
         np.eye(labels.num_classes),
     )
-    if len(labels.nodes):
+    if len(labels.points):
         near = (
-            nearest_label_in_place_and_colour(scene.cloud, labels.nodes, labels.classes)
+            nearest_label_in_place_and_colour(scene.cloud, labels.points, labels.classes)
             if candidate == 'nearest in place and colour'
-            else nearest_label(scene.cloud.xyz, labels.nodes, labels.classes)
+            else nearest_label(scene.cloud.xyz, labels.points, labels.classes)
         )
         shares = given[near].astype(np.float32)
     if candidate.startswith('nearest'):
-        shares[labels.nodes] = given[labels.classes]
+        shares[labels.points] = given[labels.classes]
         return shares
-    coarse = coarse_scene(scene, labels.nodes, rules.nodes)
-    node = coarse.coarse.node
-    pulled = None if network is None else network_pull(coarse, network, say)
-    solution = solve(coarse, labels.at(node), strength_of(candidate, labels.classes, rules), rules, pulled)
-    fixed = np.zeros(len(node), dtype=np.bool_)
-    fixed[labels.nodes] = True
-    pull = Pull(solution.pull.strength[node], solution.pull.prior[node])
-    walked = relax(scene.graph, solution.shares[node], pull.prior, pull.strength, fixed, rules.sweeps)
+    graphs = coarse_graphs(scene, labels.points, rules.nodes)
+    pulls = None if network is None else network_pulls(graphs, network, say)
+    found = solve(scene, graphs, labels, strength_of(candidate, labels, rules), rules, pulls)
+    walked = _refined(scene, graphs, found, labels, rules)
     reached = walked.sum(axis=1) > 1e-6  # what no labelled point is joined to takes the nearest
     shares[reached] = normalised(walked[reached])
     return shares
+
+
+def _refined(
+    scene: PreparedCloud, graphs: list[CoarseGraph], found: list[Solution], labels: Labels, rules: WalkerRules
+) -> Float[np.ndarray, 'points present']:
+    """Mean of the answers on all graphs, each relaxed at the points; float32."""
+    fixed = np.zeros(len(scene.cloud), dtype=np.bool_)
+    fixed[labels.points] = True
+    total = np.zeros((len(fixed), labels.num_classes), dtype=np.float32)
+    for points, graph, each in zip(scene.graphs, graphs, found, strict=True):
+        node = graph.coarse.node
+        pull = Pull(each.pull.strength[node], each.pull.prior.astype(np.float32)[node])
+        total += relax(points, each.shares.astype(np.float32)[node], pull.prior, pull.strength, fixed, rules.steps)
+    return total / np.float32(len(graphs))
 
 
 def _estimate(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
-Candidate = Literal['walker and features', 'walker', 'features', 'nearest', 'nearest in place and colour']
+Candidate = Literal['walker and features', 'walker', 'nearest', 'nearest in place and colour']
 DEFAULT: Candidate = 'walker and features'
 CANDIDATES: tuple[Candidate, ...] = get_args(Candidate)
 
@@ -29,19 +29,16 @@ SILENT = NetworkSay(0.0, 1.0, 0)
 class WalkerRules:
     """How labels spread; no length, angle or colour is among it, since those are measured in each scan.
 
-    The strength of the features was chosen on eight Oakland tiles (part2), three SemanticKITTI scans (00) and six
-    synthetic rooms with weak colours; with .001 to .03 instead of ``taught_strength`` the mean mIoU of these, at most
-    twenty labels a class, differs by less than three points.
+    The strengths were chosen on eight Oakland tiles (part2), three SemanticKITTI scans (00) and six synthetic rooms.
 
     Attributes:
-        nodes: Of the graph that is solved, at most (larger: sharper borders between classes, slower).
-        left_out_nodes: Of the graph on which labels are left out (larger: nearer to what is taken in the end, slower).
+        nodes: Of each graph that is solved, at most (larger: sharper borders between classes, slower).
+        left_out_nodes: The same where labels are left out (larger: nearer to what is taken in the end, slower).
         features_strength: Pull of the features where there is one label a class, as a share of the usual sum of
             a point's edges (larger: features count more than how near a label lies over the surface).
         taught_strength: The same where many labels teach the features; between the two by
             :func:`~rm3d_plugin.pseudo_labels.propagation.prior_shift.label_trust`.
-        features_only_strength: The same for the candidate ``features``.
-        sweeps: Relaxations at the points in the end (larger: borders follow single points over more neighbours).
+        steps: Conjugate gradients at the points in the end (larger: nearer to a solve at every point, slower).
         prior_rounds: Times that the frequency of the classes is read off the solution and put into it.
         prior_half: Labels a class from which on frequencies and features are trusted by half and more.
         folds: Parts into which the labels are divided to be left out; 0: nothing is left out.
@@ -53,12 +50,11 @@ class WalkerRules:
         seed: Of folds and draws.
     """
 
-    nodes: int = 24000
+    nodes: int = 12000
     left_out_nodes: int = 8000
-    features_strength: float = 0.001
-    taught_strength: float = 0.005
-    features_only_strength: float = 0.05
-    sweeps: int = 10
+    features_strength: float = 0.0003
+    taught_strength: float = 0.006
+    steps: int = 10
     prior_rounds: int = 2
     prior_half: float = 3.0
     folds: int = 5

@@ -1,34 +1,38 @@
-"""One answer from given labels on the coarse graph."""
+"""One answer from given labels: a random walker over each coarse graph, drawn to what features and a network say."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, normalised, scaling_of
-from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening, coarsen, node_means
-from rm3d_plugin.pseudo_labels.propagation.feature_prior import feature_prior
+from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
+from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares
+from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening, coarsen
 from rm3d_plugin.pseudo_labels.propagation.harmonic import HarmonicSystem
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
-from rm3d_plugin.pseudo_labels.propagation.prior_shift import prior_shift
+from rm3d_plugin.pseudo_labels.propagation.prior_shift import label_trust, prior_shift
+from rm3d_plugin.pseudo_labels.propagation.region_scales import region_means
 from rm3d_plugin.pseudo_labels.propagation.rules import WalkerRules
 
+LEAST_TAUGHT = 0.2  # weight of what an answer teaches below which it is not asked
 
-class CoarseScene(NamedTuple):
-    """Nodes that stand for points, what they look like, and how strong the edges of a point usually are.
+
+class CoarseGraph(NamedTuple):
+    """Nodes that stand for points, and how strong the edges of a point usually are.
 
     Attributes:
         coarse: Nodes and their edges.
-        features: (M, F) means of the points.
-        scaling: Of the features.
         usual_degree: Median sum of the weights of a point.
     """
 
     coarse: Coarsening
-    features: Float[np.ndarray, 'nodes features']
-    scaling: Scaling
     usual_degree: float
+
+    def mean(self, values: Float[np.ndarray, 'points columns']) -> Float[np.ndarray, 'nodes columns']:
+        """Means of the points of each node."""
+        return region_means(values, self.coarse.node, self.coarse.sizes)
 
 
 class Pull(NamedTuple):
@@ -42,15 +46,17 @@ class Pull(NamedTuple):
     strength: Float[np.ndarray, ' nodes']
     prior: Float[np.ndarray, 'nodes classes']
 
-    def __add__(self, other: 'Pull') -> 'Pull':  # type: ignore[override]
+    def joined(self, other: 'Pull | None') -> 'Pull':
         """Both at once."""
+        if other is None:
+            return self
         strength = self.strength + other.strength
         both = self.strength[:, None] * self.prior + other.strength[:, None] * other.prior
         return Pull(strength, np.where(strength[:, None] > 0, normalised(both), self.prior))
 
 
 class Solution(NamedTuple):
-    """An answer.
+    """An answer on one graph.
 
     Attributes:
         shares: (M, C) rows of sum 1; zeros where nothing is known.
@@ -61,38 +67,88 @@ class Solution(NamedTuple):
     pull: Pull
 
 
-def coarse_scene(scene: PreparedCloud, labelled: Int[np.ndarray, ' labelled'], nodes: int) -> CoarseScene:
-    """Coarsen a scan, its labelled points kept as nodes of their own."""
-    coarse = coarsen(scene.graph, labelled, nodes)
-    features = node_means(scene.features, coarse)
-    return CoarseScene(coarse, features, scaling_of(features), float(np.median(scene.graph.degree)))
+def coarse_graphs(scene: PreparedCloud, points: Int[np.ndarray, ' labelled'], nodes: int) -> list[CoarseGraph]:
+    """Coarsen the graphs of a scan, some points kept as nodes of their own."""
+    return [
+        CoarseGraph(coarsen(graph, points, nodes), float(np.median(graph.degree)) if len(graph.degree) else 0.0)
+        for graph in scene.graphs
+    ]
 
 
 def solve(
-    scene: CoarseScene, labels: Labels, strength: float, rules: WalkerRules, network: Pull | None = None
-) -> Solution:
-    """Random walker with features as its prior, and frequencies read off its own answer.
+    scene: PreparedCloud,
+    graphs: list[CoarseGraph],
+    labels: Labels,
+    strength: float,
+    rules: WalkerRules,
+    networks: list[Pull] | None = None,
+) -> list[Solution]:
+    """Walk over each graph, drawn to what features say; few labels let the answer teach what classes look like.
 
     Args:
-        scene: Coarse.
-        labels: At least one.
-        strength: Of the features, as a share of the usual degree of a point; 0: the random walker alone.
+        scene: The scan.
+        graphs: Of :func:`coarse_graphs`, with the labelled points as nodes of their own.
+        labels: At least one, or examples.
+        strength: Of the features, as a share of the usual degree of a point; 0: walkers alone.
         rules: The rest.
-        network: A further pull, or None.
+        networks: Further pulls, one a graph, or None.
     """
-    sizes, count = scene.coarse.sizes, labels.num_classes
-    even = np.full((len(sizes), count), 1.0 / count)
-    own = Pull(np.full(len(sizes), strength * scene.usual_degree), even)
-    pull = own if network is None else own + network
-    system = HarmonicSystem(scene.coarse.weights, labels.nodes, pull.strength * sizes)
-    given = np.eye(count)[labels.classes]
+    further: Sequence[Pull | None] = [None for _ in graphs] if networks is None else networks
     if not strength > 0:
-        return Solution(normalised(np.maximum(system.shares(given, pull.prior), 0.0)), pull)
-    likely = feature_prior(scene.features, scene.scaling, labels, rules.examples)
-    counts, factors = np.bincount(labels.classes, minlength=count), np.ones(count)
-    for _ in range(1 + (rules.prior_rounds if counts.max(initial=0) > 1 else 0)):
-        now = own._replace(prior=normalised(likely * factors))
-        pull = now if network is None else now + network
-        shares = system.shares(given, pull.prior)
+        likely = np.full((len(scene.cloud), labels.num_classes), 1.0 / labels.num_classes, dtype=np.float32)
+        return _walks(graphs, labels, likely, 0.0, rules, further)
+    likely = class_shares(scene, labels, rules.examples)
+    found = _walks(graphs, labels, likely, strength, rules, further)
+    taught = 1.0 - trust_of(labels, rules)
+    if taught < LEAST_TAUGHT:
+        return found
+    learnt = class_shares(scene, labels, rules.examples, at_points(graphs, found))
+    return _walks(graphs, labels, np.asarray((1.0 - taught) * likely + taught * learnt), strength, rules, further)
+
+
+def at_points(graphs: list[CoarseGraph], found: list[Solution]) -> Float[np.ndarray, 'points classes']:
+    """Mean of the answers on all graphs, at each point; float32."""
+    total = sum(each.shares.astype(np.float32)[graph.coarse.node] for graph, each in zip(graphs, found, strict=True))
+    return np.asarray(total / np.float32(len(graphs)))
+
+
+def trust_of(labels: Labels, rules: WalkerRules) -> float:
+    """How far the labels are to be trusted to tell of classes as a whole."""
+    counts = np.bincount(labels.classes)
+    return label_trust(counts[counts > 0], rules.prior_half)
+
+
+def _walks(
+    graphs: list[CoarseGraph],
+    labels: Labels,
+    likely: Float[np.ndarray, 'points classes'],
+    strength: float,
+    rules: WalkerRules,
+    networks: Sequence[Pull | None],
+) -> list[Solution]:
+    return [
+        _walk(graph, labels, normalised(graph.mean(likely)), strength, rules, network)
+        for graph, network in zip(graphs, networks, strict=True)
+    ]
+
+
+def _walk(
+    graph: CoarseGraph,
+    labels: Labels,
+    likely: Float[np.ndarray, 'nodes classes'],
+    strength: float,
+    rules: WalkerRules,
+    network: Pull | None,
+) -> Solution:
+    """One walker; frequencies of the classes are read off its own answer."""
+    sizes, nodes, count = graph.coarse.sizes, graph.coarse.node[labels.points], labels.num_classes
+    own = Pull(np.full(len(sizes), strength * graph.usual_degree), likely)
+    pull = own.joined(network)
+    system = HarmonicSystem(graph.coarse.weights, nodes, pull.strength * sizes)
+    given, counts = np.eye(count)[labels.classes], np.bincount(labels.classes, minlength=count)
+    shares = system.shares(given, pull.prior)
+    for _ in range(rules.prior_rounds if strength > 0 and counts.max(initial=0) > 1 else 0):
         factors = prior_shift(shares.argmax(axis=1), sizes, np.maximum(counts, 1), rules.prior_half)
+        pull = own._replace(prior=normalised(likely * factors)).joined(network)
+        shares = system.shares(given, pull.prior)
     return Solution(normalised(np.maximum(shares, 0.0)), pull)

@@ -1,7 +1,7 @@
 import numpy as np
 import scipy.sparse
 
-from rm3d_plugin.pseudo_labels.propagation.coarsening import coarsen, node_means
+from rm3d_plugin.pseudo_labels.propagation.coarsening import coarsen
 from rm3d_plugin.pseudo_labels.propagation.point_graph import PointGraph
 
 
@@ -28,9 +28,3 @@ def test_labelled_points_stay_alone():
 def test_no_edges_no_nodes_joined():
     empty = PointGraph(scipy.sparse.csr_array((5, 5)), np.zeros(5))
     np.testing.assert_array_equal(coarsen(empty, np.zeros(0, np.int64), 2).node, np.arange(5))
-
-
-def test_node_means_are_those_of_their_points():
-    coarse, values = coarsen(chain(5.0), np.array([3]), 4), np.arange(24.0).reshape(12, 2)
-    expected = [values[coarse.node == node].mean(axis=0) for node in range(len(coarse.sizes))]
-    np.testing.assert_allclose(node_means(values, coarse), expected)

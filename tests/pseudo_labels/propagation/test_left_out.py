@@ -45,8 +45,8 @@ def test_the_default_is_left_only_for_one_that_is_clearly_ahead():
     classes = rng.integers(0, 4, 200)
     noisy = np.where(rng.uniform(size=200) < 0.6, classes, (classes + 1) % 4)
     slightly = np.where(rng.uniform(size=200) < 0.62, classes, (classes + 1) % 4)
-    shares = {DEFAULT: np.eye(4)[noisy], 'walker': np.eye(4)[slightly], 'features': np.eye(4)[classes]}
+    shares = {DEFAULT: np.eye(4)[noisy], 'walker': np.eye(4)[slightly], 'nearest': np.eye(4)[classes]}
     assert choose({name: shares[name] for name in (DEFAULT, 'walker')}, classes, 2.0).candidate == DEFAULT
     chosen = choose(shares, classes, 2.0)
-    assert chosen.candidate == 'features'
-    assert chosen.accuracy['features'] == pytest.approx(1.0)
+    assert chosen.candidate == 'nearest'
+    assert chosen.accuracy['nearest'] == pytest.approx(1.0)

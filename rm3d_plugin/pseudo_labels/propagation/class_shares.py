@@ -1,0 +1,71 @@
+"""What the features of labelled regions say of the class of all points."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rm3d_plugin.pseudo_labels.common.kernel_classifier import evenly_chosen, fit_kernel_classifier, normalised
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
+from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
+from rm3d_plugin.pseudo_labels.propagation.region_scales import RegionScale
+
+LENGTH = 0.8  # of the kernel, in root mean square deviations of the features
+LEAST = 1e-9  # share of a class that features rule out
+OTHERS = 20  # examples of a class of other scans that teach where the scan has fewer
+SURE = 0.5  # share of the regions of a class in an answer that may teach: the surer ones
+TAUGHT = 60  # of these that do, of each class
+
+
+def class_shares(
+    scene: PreparedCloud, labels: Labels, examples: int, answer: Float[np.ndarray, 'points classes'] | None = None
+) -> Float[np.ndarray, 'points classes']:
+    """How likely each class is by features, were all as frequent; the mean over regions of all sizes; rows of sum 1.
+
+    Args:
+        scene: The scan.
+        labels: Of its points, and examples of other scans.
+        examples: Labels of a class that teach, at most.
+        answer: Of an earlier round: the regions that are surest of it teach, too. None: labels alone.
+    """
+    out = np.zeros((len(scene.cloud), labels.num_classes), dtype=np.float32)
+    for scale in scene.scales:
+        rows, classes = _own(scale, labels, examples)
+        if answer is not None:
+            sure, said = surest_regions(scale.mean(answer))
+            rows, classes = np.concatenate([rows, scale.features[sure]]), np.concatenate([classes, said])
+        taught = fit_kernel_classifier(rows, classes, scale.scaling, LENGTH)
+        shares = normalised(np.maximum(taught.shares(scale.features, labels.num_classes), LEAST))
+        out += shares.astype(np.float32)[scale.region] / len(scene.scales)
+    return out
+
+
+def surest_regions(
+    answer: Float[np.ndarray, 'regions classes'],
+) -> tuple[Int[np.ndarray, ' sure'], Int[np.ndarray, ' sure']]:
+    """Of the regions that an answer gives to each class the surer half, evenly chosen, and their class.
+
+    >>> surest_regions(np.array([[0.9, 0.1], [0.2, 0.8], [0.6, 0.4]]))
+    (array([0, 1]), array([0, 1]))
+    """
+    said, share = answer.argmax(axis=1), answer.max(axis=1)
+    order = np.argsort(-share, kind='stable')
+    sure = [np.zeros(0, dtype=np.int64)]
+    for own in np.unique(said):
+        rows = order[said[order] == own]
+        rows = rows[: max(int(SURE * len(rows)), 1)]
+        sure.append(rows[np.linspace(0, len(rows) - 1, min(len(rows), TAUGHT)).astype(np.int64)])
+    rows = np.concatenate(sure)
+    return rows, said[rows]
+
+
+def _own(
+    scale: RegionScale, labels: Labels, examples: int
+) -> tuple[Float[np.ndarray, 'rows features'], Int[np.ndarray, ' rows']]:
+    """Regions with a label, and examples of other scans: as many of a class as own ones, or :data:`OTHERS`."""
+    own = evenly_chosen(labels.classes, examples)
+    rows, classes = scale.features[scale.region[labels.points[own]]], labels.classes[own]
+    counts = np.bincount(classes, minlength=labels.num_classes)
+    for each in np.unique(labels.other_classes):
+        lent = np.flatnonzero(labels.other_classes == each)
+        lent = lent[evenly_chosen(labels.other_classes[lent], max(OTHERS, int(counts[each])))]
+        rows, classes = np.concatenate([rows, labels.others[lent]]), np.append(classes, labels.other_classes[lent])
+    return rows, classes

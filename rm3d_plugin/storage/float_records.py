@@ -1,0 +1,65 @@
+"""Points as raw float32 records: how many numbers each has is in no header."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rm3d_plugin.structures import SceneError
+
+RECORDS = {
+    3: 'x y z',
+    4: 'x y z intensity',
+    5: 'x y z intensity -',
+    6: 'x y z intensity - -',
+}
+"""What a record of so many numbers holds: KITTI has 4; nuScenes adds the ring, merged sweeps the time."""
+USUAL = 4
+_ENOUGH = 60  # points from which a width is told
+_LOOKED_AT = 1 << 14  # numbers
+_CLEAR = 0.2  # a width is told where the logarithm of the scatter within columns is so much lower
+
+
+def float_width(data: bytes, name: str = '') -> int:
+    """How many float32 numbers a point has, as the numbers themselves suggest; 4 where nothing speaks against it.
+
+    Read with the right width, a column holds one quantity. With a wrong one each column mixes several, and scatters
+    more: the width with the least mean logarithm of the scatter is taken, where it is clearly less than that of 4.
+
+    Args:
+        data: A file's content.
+        name: Of the file: ``.pcd.bin`` is how nuScenes names five numbers a point.
+    """
+    if name.lower().endswith('.pcd.bin') and len(data) % 20 == 0:
+        return 5
+    numbers = np.frombuffer(data[: len(data) // 4 * 4][: 4 * _LOOKED_AT], dtype='<f4')
+    if len(numbers) < USUAL * _ENOUGH or not np.isfinite(numbers).all():
+        return USUAL
+    fitting = [width for width in RECORDS if len(data) % (4 * width) == 0 or width == USUAL]
+    scatter = {width: _scatter(numbers, width) for width in fitting}
+    least = min(scatter.values())
+    if scatter[USUAL] < least + _CLEAR:
+        return USUAL
+    return min(width for width in fitting if scatter[width] < least + _CLEAR)  # twice 3 is as good as 3
+
+
+def _scatter(numbers: np.ndarray, width: int) -> float:
+    table = numbers[: len(numbers) // width * width].reshape(-1, width).astype(np.float64)
+    return float(np.log(table.std(axis=0) + 1e-2).mean())
+
+
+def check_float_width(data: bytes, width: int, path: Path) -> None:
+    """Whether a file of a known kind holds the records of that kind.
+
+    Raises:
+        SceneError: It is cut off, or its numbers fit another width.
+    """
+    found = float_width(data, path.name)
+    if found != width:
+        raise SceneError(
+            f'{path}: looks like {found} columns of float32 a point ({RECORDS[found]}); expected {width}; '
+            f'save the first {width} alone'
+        )
+    if len(data) % (4 * width):
+        raise SceneError(
+            f'{path}: {len(data)} bytes are no multiple of {4 * width} ({width} float32 a point); cut off?'
+        )

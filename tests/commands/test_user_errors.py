@@ -1,0 +1,66 @@
+"""One message and an exit code for what a user can cause."""
+
+import errno
+import subprocess
+import sys
+import time
+
+import pytest
+
+from rm3d_plugin.commands.user_errors import exit_code
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.storage import DamagedFileError
+from rm3d_plugin.storage.locks import FolderInUseError
+from rm3d_plugin.structures import SceneError
+
+
+def raising(error):
+    def command(arguments):
+        raise error
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ('error', 'code', 'said'),
+    [
+        (SceneError('a.ply: torn'), 2, 'error: a.ply: torn\n'),
+        (ConfigError('gamma: no'), 2, 'error: gamma: no\n'),
+        (DamagedFileError('x'), 2, 'error: x\n'),
+        (FolderInUseError('busy'), 2, 'error: busy\n'),
+        (
+            OSError(errno.ENOSPC, 'No space left on device', 'out/a.ply'),
+            2,
+            'error: out/a.ply: No space left on device\n',
+        ),
+        (PermissionError(errno.EACCES, 'Permission denied', 'in.ply'), 2, 'error: in.ply: Permission denied\n'),
+        (OSError('odd'), 2, 'error: OSError: odd\n'),
+        (
+            MemoryError('40 GiB'),
+            2,
+            'error: out of memory (40 GiB); use a smaller scan or crop, or smaller max_points\n',
+        ),
+        (KeyboardInterrupt(), 130, 'stopped; go on with --resume\n'),
+    ],
+)
+def test_codes_and_messages(error, code, said, capsys):
+    assert exit_code(raising(error), hint='go on with --resume') == code
+    assert capsys.readouterr().err == said
+
+
+def test_what_is_a_fault_of_the_program_is_not_hidden():
+    with pytest.raises(ValueError, match='a bug'):
+        exit_code(raising(ValueError('a bug')))
+
+
+@pytest.mark.parametrize('command', ['train', 'test', 'prepare'])
+def test_a_wrong_config_is_told_before_torch_is_imported(command):
+    words = [command, 'nosuch', 'a.pth'] if command == 'test' else [command, 'nosuch']
+    code = (
+        'import sys; from rm3d_plugin.commands.main import main\n'
+        f'code = main({words!r}); assert "torch" not in sys.modules; sys.exit(code)'
+    )
+    began = time.process_time()
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr.partition(';')[0]) == (2, 'error: nosuch: no such config')
+    assert time.process_time() - began < 2

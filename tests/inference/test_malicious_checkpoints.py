@@ -1,0 +1,89 @@
+"""A checkpoint of a stranger builds our own parts and runs nothing else."""
+
+import json
+import pickle
+
+import pytest
+import torch
+from runs.random_segmentor import make_checkpoint
+
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.inference.trained import load_network
+
+
+class Touch:
+    """Pickled, it makes a file when it is read."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), 'w')
+
+
+def changed(path, change):
+    state = torch.load(path, weights_only=True)
+    config = json.loads(state['meta']['config_json'])
+    change(config)
+    state['meta']['config_json'] = json.dumps(config)
+    torch.save(state, path)
+    return path
+
+
+@pytest.mark.parametrize('kind', ['pathlib.Path.touch', 'os.system', 'builtins.exec', 'torch.load', 'mmengine.Linear'])
+@pytest.mark.parametrize('place', ['model', 'backbone', 'pipeline', 'new', 'in a list'])
+def test_dotted_types_are_refused_before_anything_is_built(tmp_path, kind, place, monkeypatch):
+    bad = dict(type=kind, command='touch ran', f='ran')
+
+    def change(config):
+        model, dataset = config['model'], config['val_dataloader']['dataset']
+        if place == 'model':
+            config['model'] = bad
+        elif place == 'pipeline':
+            dataset['pipeline'].append(bad)
+        else:
+            model |= {'backbone': bad} if place == 'backbone' else {'losses': [[bad]] if place == 'in a list' else bad}
+
+    path = changed(make_checkpoint(tmp_path / 'net.pth'), change)
+    monkeypatch.setattr('rm3d_plugin.registry.PartRegistry.build', lambda *_: pytest.fail('something was built'))
+    with pytest.raises(ConfigError, match=f"{kind}' is no part of rm3d_plugin"):
+        load_network(path)
+
+
+@pytest.mark.parametrize(
+    ('part', 'message'),
+    [
+        (dict(_scope_='mmengine'), r"backbone\._scope_: expected rm3d_plugin, got 'mmengine'"),
+        (dict(init_cfg=dict(type='Pretrained', checkpoint='evil.pth')), r"backbone\.init_cfg\.type: 'Pretrained'"),
+        (dict(type=['os', 'system']), r"backbone\.type: \['os', 'system'\] is no part"),
+    ],
+)
+def test_scopes_and_initialisers_are_refused(tmp_path, part, message):
+    path = changed(make_checkpoint(tmp_path / 'net.pth'), lambda config: config['model']['backbone'].update(part))
+    with pytest.raises(ConfigError, match=message):
+        load_network(path)
+
+
+def test_hooks_and_imports_of_a_checkpoint_are_not_looked_at(tmp_path):
+    def change(config):
+        config['custom_imports'] = dict(imports=['no_such_module'])
+        config['custom_hooks'] = [dict(type='os.system', command='false')]
+
+    assert load_network(changed(make_checkpoint(tmp_path / 'net.pth'), change)).classes
+
+
+def test_pickled_code_is_not_run(tmp_path):
+    torch.save({'state_dict': {}, 'meta': Touch(tmp_path / 'ran')}, tmp_path / 'net.pth')
+    (tmp_path / 'plain.pth').write_bytes(pickle.dumps(Touch(tmp_path / 'ran')))
+    for name in ('net.pth', 'plain.pth'):
+        with pytest.raises(ConfigError, match=f'{name}: not a checkpoint that loads safely') as caught:
+            load_network(tmp_path / name)
+        assert 'weights_only' not in str(caught.value)
+    assert not (tmp_path / 'ran').exists()
+
+
+@pytest.mark.parametrize('text', ['{', '[]', '{}', '{"model": {}}', '{"model": 1, "val_dataloader": 2}'])
+def test_a_damaged_config_is_told(tmp_path, text):
+    torch.save({'state_dict': {}, 'meta': {'config_json': text}}, tmp_path / 'net.pth')
+    with pytest.raises(ConfigError, match=r'net\.pth: its config'):
+        load_network(tmp_path / 'net.pth')

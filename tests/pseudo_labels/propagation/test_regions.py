@@ -1,0 +1,68 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from steps_scene import clicks, scene
+
+from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares, surest_regions
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
+from rm3d_plugin.pseudo_labels.propagation.relax import relax
+
+
+def labels_of(semantic, each, prepared):
+    points = np.flatnonzero(clicks(semantic, each) >= 0)
+    return Labels(points, semantic[points], 3, prepared.features[:0], np.zeros(0, np.int64))
+
+
+def test_scales_are_nested_partitions_with_the_means_of_their_points():
+    cloud, _ = scene()
+    scales = prepare_cloud(cloud).scales
+    for finer, coarser in pairwise(scales):
+        assert len(coarser.sizes) < len(finer.sizes)
+        assert len(np.unique(np.stack([finer.region, coarser.region]), axis=1).T) == len(finer.sizes)
+    for scale in scales:
+        assert scale.sizes.sum() == len(cloud)
+        own = scale.region == 3
+        np.testing.assert_allclose(scale.mean(cloud.colors.astype(float))[3], cloud.colors[own].mean(axis=0), rtol=1e-6)
+
+
+def test_features_of_labelled_regions_tell_classes_apart():
+    cloud, semantic = scene()
+    prepared = prepare_cloud(cloud)
+    shares = class_shares(prepared, labels_of(semantic, 10, prepared), 200)
+    np.testing.assert_allclose(shares.sum(axis=1), 1.0, atol=1e-5)
+    assert np.mean(shares.argmax(axis=1) == semantic) > 0.9
+
+
+def test_a_right_answer_teaches():
+    cloud, semantic = scene()
+    prepared = prepare_cloud(cloud)
+    labels = labels_of(semantic, 1, prepared)
+    alone = class_shares(prepared, labels, 200)
+    taught = class_shares(prepared, labels, 200, np.eye(3, dtype=np.float32)[semantic])
+    right = [np.mean(each.argmax(axis=1) == semantic) for each in (alone, taught)]
+    assert right[1] > max(right[0], 0.95)
+
+
+def test_the_surest_half_of_each_class():
+    answer = np.array([[0.9, 0.1], [0.8, 0.2], [0.7, 0.3], [0.6, 0.4], [0.1, 0.9]])
+    rows, said = surest_regions(answer)
+    assert rows.tolist() == [0, 1, 4]
+    assert said.tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize('strength', [0.0, 0.05])
+def test_relaxing_comes_to_the_answer_of_a_direct_solve(strength):
+    cloud, semantic = scene()
+    some = np.random.default_rng(0).permutation(len(cloud))[:600]
+    graph = prepare_cloud(cloud.select(np.sort(some))).graphs[0]
+    own, generator = semantic[np.sort(some)], np.random.default_rng(1)
+    fixed = generator.uniform(size=600) < 0.2
+    pull, prior = np.full(600, strength), generator.dirichlet(np.ones(3), 600)
+    start = np.where(fixed[:, None], np.eye(3)[own], 1.0 / 3)
+    matrix = np.diag(graph.degree + pull) - graph.weights.toarray()
+    expected, free = start.copy(), ~fixed
+    right = pull[free, None] * prior[free] - matrix[np.ix_(free, fixed)] @ start[fixed]
+    expected[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
+    np.testing.assert_allclose(relax(graph, start, prior, pull, fixed, 300), expected, atol=2e-3)
