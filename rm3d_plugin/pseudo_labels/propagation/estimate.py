@@ -13,10 +13,10 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
 
-SHARPNESS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)  # powers of the probabilities that are tried
-USUAL = 1.4  # of the answers of the chosen scans: they have all labels, those that are checked four of five
-HELD = 60.0  # log likelihood, of all labels together, that a power e times the usual one must gain
-LABELS_WORTH = 0.35  # observations of a class's IoU that a left-out label counts as; chosen so that intervals hold
+SHARPNESS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)  # powers of the probabilities that are tried
+USUAL = 2.0  # of the answers of the chosen scans: they have all labels, those that are checked four of five
+HELD = 20.0  # log likelihood, of all labels together, that a power e times the usual one must gain
+LABELS_WORTH = 0.65  # observations of a class's IoU that a left-out label counts as; chosen so that intervals hold
 LEAST_LABELS = 3  # of a class that can be left out, in half of the classes, or there is no estimate
 INSIDE = (0.05, 0.95)  # quantiles of the draws that the interval spans
 SAMPLE = 1 << 16  # points that stand for all
