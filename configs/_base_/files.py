@@ -1,7 +1,8 @@
-# Your own scans (docs/own_scans.md), outdoors, z up, metres, from what a person clicked; by default without labels. No demo.
+# Your own scans (docs/own_scans.md), z up, metres, from what a person clicked; by default without labels. No demo.
 _base_ = './outdoor.py'
 dataset_type = 'FilesDataset'
 data_root = 'data/scans'
+scan_list = None  # file with the name of a scan in each line; None: all scans of data_root
 class_names = ['ground', 'vegetation', 'building']
 num_classes = 3  # as many as class_names
 thing_classes = []
@@ -11,6 +12,7 @@ other_labels = 'error'
 intensity_range = None  # what the intensity is divided by
 val_labels = 'store'  # nothing is scored, the labels are estimated from clicks; 'truth' where the scans have labels
 reading = dict(
+    ann_file='${scan_list}',
     classes='${class_names}',
     columns='${columns}',
     label_map='${label_map}',
@@ -57,6 +59,11 @@ oversegmenter = dict(rest=dict(min_region=40))
 propagation = dict(max_extent=None)
 region_prior = dict(gamma=0.75)
 ground = None
+walker = (
+    dict()
+)  # labels spread by a random walk: walker.accept=.7 for purer ones; None: regions merge by the rules above
+random_walk = dict()
+label_maker = dict(walker='${walker}', random_walk='${random_walk}')
 # Two refreshes of the labels; that in the middle of the second period does not disturb it.
 rounds = 3
 sigma = 20

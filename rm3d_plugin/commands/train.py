@@ -12,12 +12,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog='rm3d train', description=__doc__)
     add_config_arguments(parser)
     parser.add_argument('--resume', action='store_true', help='go on from the newest checkpoint of the work dir')
+    parser.add_argument('--overwrite', action='store_true', help='replace the run that the work dir holds')
     parser.add_argument(
         '--add-clicks',
         action='store_true',
         help='with --resume: go on with clicks that were added to their file; the last round is made again with them',
     )
-    parser.add_argument('--overwrite', action='store_true', help='replace the run that the work dir holds')
     parser.add_argument('--amp', action='store_true', help='mixed precision: float16 on a GPU, bfloat16 on a CPU')
     parser.add_argument('--launcher', choices=['none', 'pytorch', 'slurm', 'mpi'], default='none')
     parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)

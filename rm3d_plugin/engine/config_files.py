@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mmengine.config import Config
 
+from rm3d_plugin.engine.renamed_options import RENAMED_CONFIGS
 from rm3d_plugin.user_error import UserError
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -63,6 +64,8 @@ def shipped_config(name: str) -> Path:
 
 def similar(name: str | Path) -> str:
     """The end of a message about a name that is none: which shipped config may have been meant."""
+    if (new := RENAMED_CONFIGS.get(Path(name).stem)) is not None:
+        return f'; it is now {new}'
     near = difflib.get_close_matches(Path(name).stem, list(shipped_leaves()), n=3)
     return f'; did you mean {" or ".join(near)}?' if near else f'; those of RM3D are in {shipped_configs()}'
 

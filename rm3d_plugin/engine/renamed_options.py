@@ -1,4 +1,4 @@
-"""Options of configs that have another name now, so that an old one is told with the new one."""
+"""Configs and their options that have another name now, so that an old one is told with the new one."""
 
 RENAMED: dict[str, str] = {
     'labeler': 'label_maker',
@@ -76,6 +76,9 @@ RENAMED: dict[str, str] = {
     'strategy.holdout_margin': 'self_training.holdout_margin',
 }
 """Old dotted key -> new one; '' where the option is gone."""
+
+RENAMED_CONFIGS: dict[str, str] = {'rm3d_sem_files_clicks': 'rm3d_sem_files_streets_clicks'}
+"""Old name of a config that comes with RM3D -> new one."""
 
 HINTS: dict[str, str] = {
     'score_name': "it alone tells what is scored: 'truth', or 'store': agreement, which is no accuracy",

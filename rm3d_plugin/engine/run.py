@@ -75,8 +75,7 @@ def train(
         settings = plain_settings(config)
         if checkpoint is not None:
             check_same_settings(work_dir, settings)
-            if add_clicks:
-                checkpoint = prepare_to_add_clicks(config, work_dir)
+            checkpoint = prepare_to_add_clicks(config, work_dir) if add_clicks else checkpoint
             read_checkpoint(checkpoint)  # refuses weights that make no sense
             config.resume, config.load_from = True, str(checkpoint)
         barrier()

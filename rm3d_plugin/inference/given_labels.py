@@ -56,7 +56,7 @@ def clicked_labels(path: Path, scans: Sequence[Path], columns: str | None = None
 
     Raises:
         ClickFileError, BudgetError: The file cannot be used, or a click is on no point of its scan.
-        ConfigError: It names a scan that is not there, or a scan has labels of fewer than two classes.
+        ConfigError: It names a scan that is not there, or labels points of fewer than two classes.
         SceneError: A scan cannot be read.
     """
     names = click_classes(path)
@@ -69,8 +69,7 @@ def clicked_labels(path: Path, scans: Sequence[Path], columns: str | None = None
                 'name of a scan without its ending: mend it, or name that scan, too'
             )
         by_scan[click.scene].append(click)
-    for scan in scans:
-        _check_classes(scan, f'{path}', len({click.semantic for click in by_scan[scan.stem]}))
+    _check_classes(scans, f'{path}', {click.semantic for clicks in by_scan.values() for click in clicks})
     found: dict[str, PointLabels] = {}
     for scan in scans:
         annotated = resolve_clicks(by_scan[scan.stem], read_cloud(scan, columns), instances=False)
@@ -91,15 +90,15 @@ def field_labels(
         unlabelled: Values that say nothing, beside NaN, negative ones, and 0 and 1 of LAS's ``classification``.
 
     Raises:
-        ConfigError: A scan has no such field, or labels of fewer than two classes there.
+        ConfigError: A scan has no such field, or all together have labels of fewer than two classes there.
         SceneError: A scan cannot be read, or the field holds no whole numbers.
     """
     raw: dict[str, Int[np.ndarray, ' points']] = {}
     for scan in scans:
         las = scan.suffix.lower() in ('.las', '.laz') and field.lower() == 'classification'
         raw[scan.stem] = _field_values(field, scan, columns, (*unlabelled, *(LAS_UNLABELLED if las else ())))
-        _check_classes(scan, f'field {field!r}', len(np.unique(raw[scan.stem][raw[scan.stem] >= 0])))
     every = np.unique(np.concatenate([values[values >= 0] for values in raw.values()]))
+    _check_classes(scans, f'field {field!r}', set(every.tolist()))
     found = {}
     for name, values in raw.items():
         points = np.flatnonzero(values >= 0)
@@ -107,11 +106,12 @@ def field_labels(
     return GivenLabels(tuple(map(str, every.tolist())), tuple(every.tolist()), found)
 
 
-def _check_classes(scan: Path, where: str, classes: int) -> None:
-    if classes < 2:
+def _check_classes(scans: Sequence[Path], where: str, classes: set[int]) -> None:
+    if len(classes) < 2:
+        names = ', '.join(scan.name for scan in scans[:EXAMPLES]) + (' ...' if len(scans) > EXAMPLES else '')
         raise ConfigError(
-            f'{where}: labels points of {classes} {"class" if classes == 1 else "classes"} of {scan.name}; expected at '
-            'least two: label a point of each class in each scan, or leave the scan out'
+            f'{where}: labels points of {len(classes)} {"class" if len(classes) == 1 else "classes"} of {names}; '
+            'expected at least two: label a point of each class'
         )
 
 

@@ -1,53 +1,24 @@
-"""From few labels of a scan to a label for each of its points, without training: what `rm3d label` does."""
+"""From few labels of a scan to a label for each of its points, without training."""
 
 import time
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from tqdm import tqdm
 
-from rm3d_plugin.inference.given_labels import GivenLabels
-from rm3d_plugin.inference.outputs import check_folder, check_targets
-from rm3d_plugin.inference.predict import check_names
-from rm3d_plugin.inference.predict_formats import (
-    BENCHMARKS,
-    ScanPrediction,
-    check_format,
-    main_file,
-    output_name,
-    write_prediction,
+from rm3d_plugin.pseudo_labels.propagation import (
+    Beside,
+    Estimate,
+    PreparedCloud,
+    WalkerRules,
+    prepare_cloud,
+    propagate_prepared,
 )
-from rm3d_plugin.pseudo_labels.propagation import Estimate, WalkerRules, propagate
 from rm3d_plugin.pseudo_labels.propagation.choose import Choice
-from rm3d_plugin.storage import write_json
-from rm3d_plugin.storage.columns import read_columns, split_names
-from rm3d_plugin.storage.labelled import labelled_ending, write_labelled
-from rm3d_plugin.storage.scans import scan_of_columns
+from rm3d_plugin.pseudo_labels.propagation.coarsening import coarsen
 from rm3d_plugin.structures import PointCloud
 
-SAME = 'same'  # the format of the input
-SUMMARY = 'labels.json'
-
-
-@dataclass(frozen=True)
-class LabelOptions:
-    """How scans are labelled and written.
-
-    Attributes:
-        format: :data:`SAME`, or one of :data:`rm3d_plugin.inference.predict_formats.FORMATS`.
-        columns: See :func:`rm3d_plugin.storage.scans.read_scan`.
-        check: Leave labels out in turn: for the estimate, and to take another candidate where that is better.
-        seed: Of what is left out together.
-    """
-
-    format: str = SAME
-    columns: str | None = None
-    check: bool = True
-    seed: int = 0
+REGION_POINTS = 50  # of a region, at least on average; larger: fewer regions, more of them of two classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,149 +28,109 @@ class LabelledScan:
     Attributes:
         semantic: (N,) int64 class of each point; labelled points keep theirs.
         confidence: (N,) float32 probability of that class; 1 at labelled points.
+        region: (N,) int64 region of each point, from 0, see :func:`regions_of`.
         clicks: (C,) labelled points of each class.
         choice: Which candidate was taken, and what share of the left-out labels each named correctly.
         estimate: Of the mean IoU on the points without a label; None where none is possible.
         checked: Labels were to be left out.
         seconds: It took.
+        method: What was taken.
+        network_weight: Pull of a network, 0: it has no say.
     """
 
     semantic: Int[np.ndarray, ' points']
     confidence: Float[np.ndarray, ' points']
+    region: Int[np.ndarray, ' points']
     clicks: Int[np.ndarray, ' classes']
     choice: Choice
     estimate: Estimate | None
     checked: bool
     seconds: float
+    method: str
+    network_weight: float = 0.0
 
     def remark(self) -> str:
         """The estimate, or why there is none, and what was taken."""
-        count, taken = int(self.clicks.sum()), self.choice.candidate
+        count = int(self.clicks.sum())
         if self.estimate is not None:
-            return f'{self.estimate.text()}, from {self.estimate.labels} of your clicks; method: {taken}'
+            return f'{self.estimate.text()}, from {self.estimate.labels} of your clicks; method: {self.method}'
+        if not count:
+            return f'no estimate: no click is in this scan, others taught it; method: {self.method}'
         if not self.checked:
-            return f'no estimate: clicks were not checked; method: {taken} (the default)'
+            return f'no estimate: clicks were not checked; method: {self.method} (the default)'
         if count == len(self.semantic):
             return 'no estimate: every point was labelled'
-        default = '' if self.choice.accuracy else ' (the default)'
-        return f'no estimate: {count} clicks are too few to leave some of each class out; method: {taken}{default}'
-
-
-@dataclass(frozen=True, eq=False)
-class WrittenScan:
-    """A scan, what was said of it, and the files that hold it."""
-
-    scan: Path
-    labelled: LabelledScan
-    files: list[Path]
+        default = '' if self.choice.accuracy or self.network_weight else ' (the default)'
+        return (
+            f'no estimate: {count} clicks are too few to leave some of each class out; method: {self.method}{default}'
+        )
 
 
 def label_scan(
     cloud: PointCloud, annotated: Int[np.ndarray, ' points'], num_classes: int, check: bool = True, seed: int = 0
 ) -> LabelledScan:
-    """Label every point of a scan from the few that are labelled, see :func:`propagate`.
+    """Label every point of a scan from the few that are labelled.
 
     Args:
         cloud: N points, metres, z up.
         annotated: Class of each, -1 = unlabelled.
         num_classes: Number of classes.
-        check: See :class:`LabelOptions`.
-        seed: See :class:`LabelOptions`.
+        check: Leave labels out in turn: for the estimate, and to take another candidate where that is better.
+        seed: Of what is left out together.
 
     Raises:
         ValueError: ``annotated`` does not fit.
     """
     began = time.perf_counter()
+    scene = prepare_cloud(cloud)
+    return label_prepared(scene, annotated, num_classes, check, seed, Beside(), time.perf_counter() - began)
+
+
+def label_prepared(
+    scene: PreparedCloud,
+    annotated: Int[np.ndarray, ' points'],
+    num_classes: int,
+    check: bool,
+    seed: int,
+    beside: Beside,
+    seconds: float = 0.0,
+) -> LabelledScan:
+    """:func:`label_scan` on a scan that is prepared, with what is known beside its labels.
+
+    Args:
+        scene: The scan.
+        annotated: See :func:`label_scan`.
+        num_classes: See :func:`label_scan`.
+        check: See :func:`label_scan`.
+        seed: See :func:`label_scan`.
+        beside: Examples of other scans, a network.
+        seconds: That the preparation took.
+
+    Raises:
+        ValueError: ``annotated`` or ``beside`` does not fit.
+    """
+    began = time.perf_counter()
     rules = WalkerRules(seed=seed) if check else WalkerRules(seed=seed, folds=0)
-    found = propagate(cloud, annotated, num_classes, rules)
-    clicks = np.bincount(annotated[annotated >= 0], minlength=num_classes)
-    seconds = time.perf_counter() - began
-    return LabelledScan(found.semantic, found.confidence, clicks, found.choice, found.estimate, check, seconds)
+    found = propagate_prepared(scene, annotated, num_classes, rules, beside)
+    return LabelledScan(
+        semantic=found.semantic,
+        confidence=found.confidence,
+        region=regions_of(scene),
+        clicks=np.bincount(annotated[annotated >= 0], minlength=num_classes),
+        choice=found.choice,
+        estimate=found.estimate,
+        checked=check,
+        seconds=seconds + time.perf_counter() - began,
+        method='walker, features and network' if found.network_weight else found.choice.candidate,
+        network_weight=found.network_weight,
+    )
 
 
-def label_files(
-    scans: Sequence[Path], given: GivenLabels, out: Path, options: LabelOptions | None = None
-) -> Iterator[WrittenScan]:
-    """Label scans one by one, write each, and :data:`SUMMARY` when all are done.
-
-    Args:
-        scans: Files, those of ``given``.
-        given: Their labels.
-        out: Folder.
-        options: None: the defaults.
-
-    Yields:
-        Each scan when it is written.
-
-    Raises:
-        ConfigError: See :func:`check_outputs`, or the classes are not those of the benchmark.
-        SceneError: A scan cannot be used; scans already written stay.
-    """
-    options = options or LabelOptions()
-    check_outputs(scans, (), out, options)
-    summary: dict[str, Any] = {}
-    for scan in tqdm(scans, desc='label', unit='scan', disable=None):
-        written = _label_file(scan, given, out, options)
-        summary[scan.stem] = summary_of(written, given)
-        yield written
-    classes = [{'label': value, 'name': name} for name, value in zip(given.names, given.values, strict=True)]
-    write_json(out / SUMMARY, {'classes': classes, 'scans': summary})
-
-
-def _label_file(scan: Path, given: GivenLabels, out: Path, options: LabelOptions) -> WrittenScan:
-    columns = read_columns(scan, options.columns)
-    cloud = scan_of_columns(columns, scan).cloud
-    annotated = given.scans[scan.stem].on_points(len(cloud))
-    found = label_scan(cloud, annotated, len(given.names), options.check, options.seed)
-    label = np.asarray(given.values)[found.semantic]
-    if options.format == SAME:
-        added = {'label': label.astype(np.int32), 'confidence': found.confidence}
-        return WrittenScan(scan, found, [write_labelled(scan, out / target_name(scan, SAME), columns, added)])
-    said = ScanPrediction(found.semantic if options.format in BENCHMARKS else label, found.confidence)
-    name = output_name(scan, options.format)
-    return WrittenScan(scan, found, write_prediction(options.format, out, name, cloud, said, given.names))
-
-
-def summary_of(written: WrittenScan, given: GivenLabels) -> dict[str, Any]:
-    """What :data:`SUMMARY` says of a scan; shares are percent."""
-    found = written.labelled
-    points, estimate = np.bincount(found.semantic, minlength=len(given.names)), found.estimate
-    return {
-        'files': [path.name for path in written.files],
-        'points': dict(zip(given.names, points.tolist(), strict=True)),
-        'clicks': dict(zip(given.names, found.clicks.tolist(), strict=True)),
-        'estimate': None
-        if estimate is None
-        else {'miou': estimate.miou, 'low': estimate.low, 'high': estimate.high, 'clicks': estimate.labels},
-        'method': found.choice.candidate,
-        'left_out_accuracy': {name: 100 * share for name, share in found.choice.accuracy.items()},
-        'seconds': round(found.seconds, 2),
-    }
-
-
-def target_name(scan: Path, kind: str) -> str:
-    """Name of the main file that is written for a scan, with its ending."""
-    return f'{scan.stem}{labelled_ending(scan)}' if kind == SAME else main_file(scan, kind)
-
-
-def check_outputs(scans: Sequence[Path], inputs: Sequence[Path], out: Path, options: LabelOptions) -> None:
-    """Whether everything can be written, and over nothing that was read.
+def regions_of(scene: PreparedCloud) -> Int[np.ndarray, ' points']:
+    """An over-segmentation: points that the strongest edges of the walker's graph join, numbered by their first point.
 
     Args:
-        scans: To be labelled.
-        inputs: Further files that are read.
-        out: Folder.
-        options: Of the output.
-
-    Raises:
-        ConfigError: Two scans have one name, an output would replace an input, or the format is not known.
-        SceneError: Columns make no sense, or a package is not installed.
+        scene: N points; about N / 50 regions come out.
     """
-    if options.columns is not None:
-        split_names(options.columns)
-    if options.format != SAME:
-        check_format(options.format, ())
-    check_names(scans, [scan.stem for scan in scans])
-    check_folder(out)
-    targets = [*(out / target_name(scan, options.format) for scan in scans), out / SUMMARY]
-    check_targets(targets, [*scans, *inputs], out)
+    nobody = np.zeros(0, dtype=np.int64)
+    return coarsen(scene.graphs[0], nobody, max(len(scene.cloud) // REGION_POINTS, 1)).node.astype(np.int64)

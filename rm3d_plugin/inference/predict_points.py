@@ -13,7 +13,7 @@ from mmengine.dataset import pseudo_collate
 from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import features
-from rm3d_plugin.datasets.downsampled import keep_points
+from rm3d_plugin.datasets.downsampled import KeptPoints, keep_points
 from rm3d_plugin.datasets.semantic3d_format import GREATEST, LEAST
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.point_fields import predicted_classes
@@ -138,12 +138,7 @@ class Segmenter:
         Raises:
             SceneError: The cloud cannot be used.
         """
-        world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
-        try:
-            thin = keep_points(world, self.voxel_downsample, name)
-            sample = self._sample(cloud if len(thin.kept) == len(cloud) else cloud.select(thin.kept), name)
-        except ValueError as error:
-            raise SceneError(f'{name}: {error}') from error
+        thin, sample = self._predicted(cloud, name)
         kept = len(thin.kept)
         probs = scatter_rows(sample.pred_point_probs.numpy(), sample.point_index.numpy(), kept, fill=0)
         found = None
@@ -162,6 +157,28 @@ class Segmenter:
         semantic = np.where(confidence < self.options.unknown_below, -1, semantic)
         semantic = np.where(thin.stray, -1, semantic[thin.rows])
         return ScanPrediction(semantic, np.where(thin.stray, 0, confidence[thin.rows]), found)
+
+    def probabilities(self, cloud: PointCloud, name: str = 'scan') -> Float[np.ndarray, 'points classes']:
+        """Class probabilities of all points of a cloud; rows of NaN where the network saw nothing.
+
+        Args:
+            cloud: See :meth:`predict`.
+            name: See :meth:`predict`.
+
+        Raises:
+            SceneError: The cloud cannot be used.
+        """
+        thin, sample = self._predicted(cloud, name)
+        probs = sample.pred_point_probs.float().numpy()
+        return scatter_rows(probs, sample.point_index.numpy(), len(thin.kept), fill=np.nan)[thin.rows]
+
+    def _predicted(self, cloud: PointCloud, name: str) -> tuple[KeptPoints, Any]:
+        world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
+        try:
+            thin = keep_points(world, self.voxel_downsample, name)
+            return thin, self._sample(cloud if len(thin.kept) == len(cloud) else cloud.select(thin.kept), name)
+        except ValueError as error:
+            raise SceneError(f'{name}: {error}') from error
 
     def _sample(self, cloud: PointCloud, name: str) -> Any:
         item: dict[str, Any] = {'scene_id': name, 'index': 0, 'num_points': len(cloud), 'points': features(cloud)}

@@ -34,7 +34,7 @@ from rm3d_plugin.structures.check_field import check_field
 
 SCANS_IN_MEMORY = 1024  # MB of prepared scans
 SAMPLE = 1 << 12  # points of each scan that the estimate is made from
-JUDGING_SCANS = 32  # whose predictions are held at once, in each process, to judge the network
+JUDGING_SCANS = 16  # whose predictions are held at once, in each process, to judge the network
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,9 @@ class WalkerLabelMaker(LabelMaker):
         self._rounds, self._objects, self._seed = rounds, instances, seed
         self._regions = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._scans: RecentItems[PreparedCloud] = RecentItems(SCANS_IN_MEMORY, _nbytes)
-        self._say = SILENT
+        self._say, self._heard = SILENT, False
         self._samples: list[Float[np.ndarray, 'points classes']] = []
+        self._samples_before = self._samples
         self.forget()
 
     def _cloud(self, scene_id: str) -> PointCloud:
@@ -140,13 +141,15 @@ class WalkerLabelMaker(LabelMaker):
     def begin(self, number: int) -> None:
         """Forget the answers of the round before."""
         super().begin(number)
-        self._samples = []
+        self._samples, self._samples_before = [], self._samples or self._samples_before
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Spread the labels of a scene; the network takes part as it was judged."""
         annotated = self.told(number, scene_id)
         if annotated.complete:
             return SceneLabels(annotated_only(annotated))
+        if 0 < number < self._rounds - 1 and not self._say.weight and not self._heard:
+            return SceneLabels(self.store.read(scene_id, number - 1))  # nothing is known that was not before
         beside = replace(self.known.beside(scene_id), sharpness=self.known.sharpness, say=self._say)
         if prediction is not None:
             beside = replace(beside, network=prediction.probabilities)
@@ -179,6 +182,7 @@ class WalkerLabelMaker(LabelMaker):
         first = list(islice(rest, JUDGING_SCANS)) if self.rules.judging else []
         trials = [trial for scene, seen in first if (trial := self._trial(number, scene, seen)) is not None]
         says: list[NetworkSay] = all_gather_object(judge_network(trials, self.walk))
+        self._heard = self._say.weight > 0  # the labels of the round before are the network's, too
         self._say = max(says, key=lambda say: say.labels)
         return chain(first, rest)
 
@@ -200,11 +204,12 @@ class WalkerLabelMaker(LabelMaker):
 
     def evaluate(self, number: int) -> dict[str, Any]:
         """See :func:`evaluate_points`; and ``estimate``, what left-out labels tell of the mean IoU (None: too few)."""
-        return evaluate_points(self, number) | {'estimate': self._estimate()}
+        answered = self._samples or self._samples_before  # nothing where a process took up a round of another
+        return evaluate_points(self, number) | ({'estimate': self._estimate()} if answered else {})
 
     def _estimate(self) -> dict[str, float] | None:
         """Of the answers of this process since the round began, percent."""
-        found = self.known.estimate(self._samples) if self._samples else None
+        found = self.known.estimate(self._samples or self._samples_before)
         if found is None:
             return None
         return {'miou': found.miou, 'low': found.low, 'high': found.high, 'clicks': found.labels}

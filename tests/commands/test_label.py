@@ -23,8 +23,9 @@ def test_a_folder_of_scans_and_its_clicks(tmp_path, capsys):
     told = capsys.readouterr().out.splitlines()
     assert code == 0
     assert told[0].startswith('sheets.txt: 16 clicks (high 8, low 8) on 800 points, ')
-    assert 'from 16 of your clicks; method: ' in told[1]
-    assert [line.strip() for line in told[2:]] == [
+    assert told[1] == '  rooms: the scan is 2 m long, up to 25 m are'
+    assert 'from 16 of your clicks; method: ' in told[2]
+    assert [line.strip() for line in told[3:]] == [
         str(tmp_path / 'out' / name) for name in ('sheets.ply', 'labels.json')
     ]
     assert (read_ply(tmp_path / 'out' / 'sheets.ply')['label'] == semantic).mean() > 0.97

@@ -13,6 +13,7 @@ from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.datasets.synthetic import DEMO_SCENES
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.labeling import AnnotatedLabelMaker, LabelMaker, PointBudgetSource, SegmentationLabelMaker
+from rm3d_plugin.labeling.walker import WalkerLabelMaker
 from rm3d_plugin.models.segmentors import RM3DSegmentor
 from rm3d_plugin.registry import DATASETS, HOOKS, METRICS, MODELS, SCOPE, TASK_UTILS
 
@@ -95,7 +96,8 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
     assert config.test_evaluator == config.val_evaluator
     assert [step.max_points for step in config.train_pipeline if 'Crop' in step.type] == [config.crop_points]
     assert config.budget == ({'clicks': 'clicks.csv'} if budget == 'clicks' else budget)
-    made = SegmentationLabelMaker if path.stem.startswith('rm3d') else AnnotatedLabelMaker
+    ours = SegmentationLabelMaker if config.get('walker') is None else WalkerLabelMaker
+    made = ours if path.stem.startswith('rm3d') else AnnotatedLabelMaker
     assert type(build_label_maker(config)) is made
     periods = config.param_scheduler[0].get('periods')
     assert periods is None or sum(periods) == config.epochs

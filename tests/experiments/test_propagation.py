@@ -46,7 +46,7 @@ def test_every_tile_and_every_scan_is_taken_by_itself(tmp_path):
 
 
 def test_every_scan_gets_the_settings_of_own_scans(tmp_path):
-    own = load_config(config_path('rm3d_sem_files_clicks'), tmp_path)
+    own = load_config(config_path('rm3d_sem_files_streets_clicks'), tmp_path)
     for name, data in (('rm3d_sem_oakland_1pct', 'Oakland'), ('rm3d_sem_semantickitti_few_1pct', 'SemanticKitti')):
         leaf = write_leaf(Scan(f'A scan/{data}', name, {'threads': 1}), tmp_path)
         assert leaf.name == f'a_scan_{data.lower()}.py'

@@ -7,7 +7,9 @@ from corner_scan import FLOOR, WALL, corner, few, write_clicks_csv
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.given_labels import clicked_labels, field_labels
-from rm3d_plugin.inference.label_scan import LabelOptions, check_outputs, label_files, label_scan
+from rm3d_plugin.inference.label_files import LabelledFiles, LabelOptions, Summary, check_outputs
+from rm3d_plugin.inference.label_files import label_files as write_labels
+from rm3d_plugin.inference.label_scan import label_scan
 from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.storage.ply import read_ply, write_ply
 from rm3d_plugin.structures import PointCloud, SceneError
@@ -17,6 +19,12 @@ def annotated_with(points, semantic):
     out = np.full(len(semantic), -1, dtype=np.int64)
     out[points] = semantic[points]
     return out
+
+
+def label_files(scans, given, out, options=None):
+    """Label scans into a folder, one by one."""
+    files = LabelledFiles(scans, given, options or LabelOptions())
+    return write_labels(files, out, Summary(out, given))
 
 
 @pytest.fixture
@@ -61,7 +69,7 @@ def test_a_written_scan_keeps_fields_and_coordinates(scan, tmp_path):
     (written,) = label_files([path], given, tmp_path / 'out')
     assert written.files == [tmp_path / 'out' / 'corner.ply']
     before, after = read_ply(path), read_ply(written.files[0])
-    assert list(after) == ['x', 'y', 'z', 'intensity', 'label', 'confidence']
+    assert list(after) == ['x', 'y', 'z', 'intensity', 'label', 'confidence', 'region']
     for name, values in before.items():
         np.testing.assert_array_equal(after[name], values)
         assert after[name].dtype == values.dtype
@@ -188,3 +196,69 @@ def test_the_classes_in_other_formats(scan, tmp_path):
     assert written.files[0].name == 'corner.label'
     assert (raw == np.array([40, 50])[semantic]).mean() > 0.9
     assert {FLOOR, WALL} == set(np.unique(semantic))
+
+
+@pytest.fixture
+def two_scans(tmp_path):
+    """The corner twice, the second elsewhere; clicks on both classes of the first."""
+    paths = []
+    for name, origin in (('first', (0.0, 0.0, 0.0)), ('second', (50.0, 0.0, 0.0))):
+        xyz, semantic = corner(origin)
+        paths.append(write_ply(tmp_path / f'{name}.ply', {axis: xyz[:, i] for i, axis in enumerate('xyz')}))
+    clicks = write_clicks_csv(tmp_path / 'clicks.csv', 'first', few(semantic, 12), semantic)
+    return paths, clicks, semantic
+
+
+@pytest.mark.parametrize('clicked', [[], ['second,0,floor']])
+def test_a_class_that_is_clicked_in_one_scan_is_found_in_another(two_scans, tmp_path, clicked):
+    paths, clicks, semantic = two_scans
+    clicks.write_text(clicks.read_text() + '\n'.join(clicked))
+    first, second = label_files(paths, clicked_labels(clicks, paths), tmp_path / 'out')
+    assert (first.labelled.semantic == semantic).mean() > 0.97
+    assert (second.labelled.semantic == semantic).mean() > 0.9
+    assert second.labelled.clicks.tolist() == [len(clicked), 0]
+    assert second.labelled.remark().startswith(
+        'no estimate: ' + ('1 clicks are' if clicked else 'no click is in this scan')
+    )
+
+
+def test_a_scan_that_nothing_teaches_is_told_before_anything_is_written(two_scans, tmp_path):
+    paths, clicks, _ = two_scans
+    strange = read_ply(paths[1])
+    write_ply(paths[1], {**strange, 'intensity': np.arange(len(strange['x']), dtype=np.float32)})
+    with pytest.raises(ConfigError, match='second.ply: has no label, and no other scan with the same channels'):
+        list(label_files(paths, clicked_labels(clicks, paths), tmp_path / 'out'))
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_failure_leaves_the_summary_of_the_finished_scans(two_scans, tmp_path, monkeypatch):
+    paths, clicks, _ = two_scans
+    rows = clicks.read_text() + clicks.read_text().partition('\n')[2].replace('first', 'second')
+    clicks.write_text(rows)
+    scans = label_files(paths, clicked_labels(clicks, paths), tmp_path / 'out', LabelOptions(check=False))
+    next(scans)
+    assert list(json.loads((tmp_path / 'out' / 'labels.json').read_text())['scans']) == ['first']
+
+    def full_disk(*_):
+        raise OSError('no space left')
+
+    monkeypatch.setattr('rm3d_plugin.inference.label_files.write_labelled', full_disk)
+    with pytest.raises(OSError, match='no space'):
+        next(scans)
+    told = json.loads((tmp_path / 'out' / 'labels.json').read_text())
+    assert list(told['scans']) == ['first'] and told['scans']['first']['kind'] == 'rooms'
+    assert [item['name'] for item in told['classes']] == ['floor', 'wall']
+
+
+def test_regions_partition_the_scan_and_hardly_cross_the_edge():
+    xyz, semantic = corner()
+    found = label_scan(PointCloud(xyz), annotated_with(few(semantic, 3), semantic), 2, check=False)
+    region = found.region
+    counts = np.bincount(region)
+    assert 10 <= len(counts) <= len(xyz) // 50 and counts.min() >= 1
+    _, first = np.unique(region, return_index=True)
+    assert (np.diff(first) > 0).all()  # numbered by their first point
+    walls = np.bincount(region, semantic == WALL)
+    assert (
+        np.maximum(walls, counts - walls).sum() / len(xyz) > 0.95
+    )  # regions of 50 points at the edge hold some of both

@@ -16,7 +16,7 @@ from rm3d_plugin.storage import LabelStore, write_npz
 from rm3d_plugin.storage.ply import write_ply
 from rm3d_plugin.storage.scans import read_scan
 
-CONFIG = Path(__file__).resolve().parents[2] / 'configs' / 'rm3d_sem_files_clicks.py'
+CONFIG = Path(__file__).resolve().parents[2] / 'configs' / 'rm3d_sem_files_streets_clicks.py'
 UTM = np.array([500_123.456789, 5_411_932.765432, 312.9])  # m
 OPTIONS = {
     'class_names': list(CLASSES),
@@ -92,10 +92,13 @@ def test_clicks_in_the_world_become_labels_of_the_scans(run):
     folder, log = run
     store = LabelStore(folder / 'run' / 'labels')
     assert store.rounds() == (0, 1) and '30 of 30 labelled points' in log
+    told = [int(store.read(name, 0).point_is_annotated.sum()) for name in ('a', 'b')]
+    assert sum(told) == 24  # a fifth of the ten clicks of each class is kept back to judge the network
     for number, name in enumerate(('a', 'b')):
         truth = make_scene(number).semantic
         first, last = store.read(name, 0), store.read(name, 1)
-        assert first.point_is_annotated.sum() == 15 and (first.semantic == truth)[first.point_is_annotated].all()
+        assert (first.semantic == truth)[first.point_is_annotated].all()
+        assert last.point_is_annotated.sum() == 15 and (last.semantic == truth)[last.point_is_annotated].all()
         known = (last.semantic >= 0) & (truth >= 0)
         assert known.mean() > 0.5 and (last.semantic == truth)[known].mean() > 0.9
         assert last.coverage >= first.coverage

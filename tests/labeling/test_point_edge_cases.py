@@ -246,7 +246,7 @@ EDGES = {
     'one class': [keep(ROOM, ROOM.semantic == 0)],
     'a scene without labels': [unlabelled(ROOM), make_scene(1)],
 }
-LEAVES = ['rm3d_sem_scannet_onept', 'rm3d_sem_semantickitti_onept', 'rm3d_sem_files_clicks']
+LEAVES = ['rm3d_sem_scannet_onept', 'rm3d_sem_semantickitti_onept', 'rm3d_sem_files_streets_clicks']
 
 
 def config_of(leaf, folder):

@@ -7,7 +7,7 @@ from reference.toy_scenes import ToyRooms, make_scene
 
 from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.label_budgets import BudgetError
-from rm3d_plugin.labeling import AnnotatedLabelMaker, PointBudgetSource, SegmentationLabelMaker, point_label_maker
+from rm3d_plugin.labeling import AnnotatedLabelMaker, PointBudgetSource, SegmentationLabelMaker
 from rm3d_plugin.labeling.round_summary import describe_round, summarise_points
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import PointPrediction, SceneInputs, SegmentationRules
@@ -205,15 +205,6 @@ def test_the_papers_strategy_is_merging_alone(tmp_path):
         label_maker(tmp_path, merge={'gamma': 0.8}, **ours)
     with pytest.raises(ValueError, match="strategy: expected one of default, paper, got 'papers'"):
         label_maker(tmp_path, strategy='papers')
-
-
-def test_a_config_chooses_whether_labels_propagate(tmp_path):
-    source = PointBudgetSource(ToyRooms(2), '20pts')
-    settings = {'descriptor': {'type': 'AdaptedPFH'}, 'oversegmenter': {'type': 'RegionGrowing'}, 'cache': tmp_path}
-    made = point_label_maker(tmp_path, source, True, merge={'gamma': 0.5}, **settings)
-    assert type(made) is SegmentationLabelMaker and made.rules.merge.gamma == 0.5
-    alone = point_label_maker(tmp_path, source, False, merge={'gamma': 0.5}, **settings)
-    assert type(alone) is AnnotatedLabelMaker and alone.regions('room0') is None
 
 
 class Asking(PointBudgetSource):

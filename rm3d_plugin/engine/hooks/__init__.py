@@ -4,5 +4,6 @@ from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import RunRecordHook
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import SafeCheckpointHook
 from rm3d_plugin.engine.hooks.seed_hook import EpochSeedHook
+from rm3d_plugin.engine.hooks.time_budget_hook import TimeBudgetHook
 
-__all__ = ['EpochSeedHook', 'RegionMergeHook', 'RunRecordHook', 'SafeCheckpointHook']
+__all__ = ['EpochSeedHook', 'RegionMergeHook', 'RunRecordHook', 'SafeCheckpointHook', 'TimeBudgetHook']

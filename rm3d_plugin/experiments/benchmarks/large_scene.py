@@ -23,7 +23,7 @@ from rm3d_plugin.storage.ply import write_ply
 
 NAME = 'large-scene'
 HELP = 'labels of round 0, steps of a crop, a refresh and a prediction of one scan in UTM coordinates without colour'
-CONFIG = 'rm3d_plugin::rm3d_sem_files_clicks.py'
+CONFIG = 'rm3d_plugin::rm3d_sem_files_streets_clicks.py'
 CHILD = f'import json, sys; from {__name__} import one; print(json.dumps(one(*map(int, sys.argv[1:]))))'
 UTM = (448_263.4, 5_411_932.7, 312.9)  # m
 CLASSES = ('ground', 'wall', 'roof')

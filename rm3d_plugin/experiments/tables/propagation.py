@@ -29,7 +29,7 @@ from rm3d_plugin.structures import UNLABELLED, PointCloud
 
 BUDGET = '20pts_class'  # at most so many points of a class
 SEQUENCE = 0  # under which a single SemanticKITTI scan is laid out
-OWN_SCANS = 'rm3d_sem_files_clicks'  # the leaf whose settings every scan gets
+OWN_SCANS = 'rm3d_sem_files_streets_clicks'  # the leaf whose settings every scan gets
 SETTINGS = """
     rounds sigma periods restart_weights learning_rate checkpoint_interval train_pipeline eval_pipeline crop_points
     point_columns voxel_size widths blocks class_power oversegmenter batch_size tta_rotations superpoint_smoothing
