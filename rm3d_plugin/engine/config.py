@@ -14,6 +14,7 @@ training). ``label_refreshes`` becomes a number where a config says None.
 import traceback
 import warnings
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +150,7 @@ def _apply(config: Config, options: Mapping[str, Any]) -> None:
         raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in the config; keys: {sorted(config)}')
     for key, value in options.items():
         try:
-            config.merge_from_dict({key: value})
+            config.merge_from_dict({key: deepcopy(value)})  # mmengine takes `_delete_` out of what it is given
         except (TypeError, KeyError) as error:
             parent, _, _ = key.rpartition('.')
             raise ConfigError(

@@ -180,20 +180,21 @@ class WalkerLabelMaker(LabelMaker):
         """Labels that the network was not taught judge it, in the first scenes of each process."""
         rest = iter(predictions)
         first = list(islice(rest, JUDGING_SCANS)) if self.rules.judging else []
-        trials = [trial for scene, seen in first if (trial := self._trial(scene, seen)) is not None]
+        trials = [trial for scene, seen in first if (trial := self._trial(number, scene, seen)) is not None]
         says: list[NetworkSay] = all_gather_object(judge_network(trials, self.walk))
         self._heard = self._say.weight > 0  # the labels of the round before are the network's, too
         self._say = max(says, key=lambda say: say.labels)
         return chain(first, rest)
 
-    def _trial(self, scene_id: str, prediction: PointPrediction) -> Trial | None:
+    def _trial(self, number: int, scene_id: str, prediction: PointPrediction) -> Trial | None:
+        """What the network says of labels that no round before taught it, be it that they were added since."""
         annotated = self.annotated(scene_id)
         if annotated.complete:
             return None
         scene, classes = self.scan(scene_id), len(self.source.classes)
         present, labels = labels_of(scene, annotated.semantic, classes, self.known.beside(scene_id))
-        unseen = np.zeros(len(annotated), dtype=np.bool_)
-        unseen[self.known.judges[scene_id]] = True
+        taught = [self.store.read(scene_id, before).point_is_annotated for before in range(number)]
+        unseen = (annotated.semantic >= 0) & ~np.any(taught, axis=0)
         return trial_of(scene, labels, prediction.probabilities[:, present], unseen)
 
     def check(self, number: int, log: Log) -> None:
