@@ -101,7 +101,7 @@ def test_clicks_in_the_world_become_labels_of_the_scans(run):
         assert last.point_is_annotated.sum() == 15 and (last.semantic == truth)[last.point_is_annotated].all()
         known = (last.semantic >= 0) & (truth >= 0)
         assert known.mean() > 0.5 and (last.semantic == truth)[known].mean() > 0.9
-        assert last.coverage >= first.coverage
+        assert last.coverage > 0.95 * first.coverage
 
 
 def test_the_report_needs_no_truth(run):
@@ -112,8 +112,10 @@ def test_the_report_needs_no_truth(run):
 
 def test_agreement_with_its_own_labels_is_no_score(run):
     page, record = (run[0] / 'run' / 'report.html').read_text(), read_record(run[0] / 'run')
-    assert '>no estimate: ' in page and not re.search(r'>(m?IoU|correct points)<', page)
-    assert list(record['final']) == ['agreement_not_accuracy'] and not re.search(r'mIoU|correct points', run[1])
+    assert '>about ' in page and 'of your clicks' in page and not re.search(r'>(m?IoU|correct points)<', page)
+    assert list(record['final']) == ['agreement_not_accuracy'] and not re.search(
+        r'mIoU|correct points', re.sub(r'about .* mIoU, from \d+ of your clicks', '', run[1])
+    )
     assert final_text(final_records(record), {}).splitlines()[1].endswith('not accuracy')
 
 

@@ -18,19 +18,19 @@ class PointLabels(NamedTuple):
         instance: (N,) instance of each point, numbered through the batch; -1 = none or unknown.
         instance_scene: (I,) scene of each instance, ascending.
         is_annotated: (N,) True where the budget annotated the class.
-        confidence: (N,) in [0, 1], how likely the class is right.
         class_counts: (C,) annotated labels of each class in the whole training set; None where nobody told.
+        confidence: (N,) in [0, 1], how likely the class is right; None: it is sure.
     """
 
     semantic: Int[Tensor, ' points']
     instance: Int[Tensor, ' points']
     instance_scene: Int[Tensor, ' instances']
     is_annotated: Bool[Tensor, ' points']
-    confidence: Float[Tensor, ' points']
     class_counts: Float[Tensor, ' classes'] | None = None
+    confidence: Float[Tensor, ' points'] | None = None
 
 
-def _mask(sample: Any, name: str, rows: int, fill: float, device: torch.device) -> Tensor:
+def _mask(sample: Any, name: str, rows: int, fill: int | float, device: torch.device) -> Tensor:
     kind = torch.float32 if isinstance(fill, float) else torch.int64
     if name not in sample:
         return torch.full((rows,), fill, dtype=kind, device=device)
@@ -73,5 +73,6 @@ def join_point_labels(
         is_annotated.append((_mask(sample, 'pts_is_annotated', rows, 1, device) > 0) & (classes >= 0))
         confidence.append(_mask(sample, 'pts_confidence', rows, 1.0, device))
         scenes.append(torch.full((len(numbers),), scene, device=device))
-    columns = (semantic, instance, scenes, is_annotated, confidence)
-    return PointLabels(*(torch.cat(column) for column in columns))
+    parts = (semantic, instance, scenes, is_annotated)
+    joined = PointLabels(*(torch.cat(part) for part in parts))
+    return joined._replace(confidence=torch.cat(confidence))

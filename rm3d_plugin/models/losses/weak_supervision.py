@@ -93,7 +93,7 @@ class WeakSupervision(LossTerm):
             weights = class_weights(counts, self.power)
         elif self.balance == 'frequency':
             weights = class_weights(labels.class_counts, self.power)
-        if self.confidence_power:
+        if self.confidence_power and labels.confidence is not None:
             sure = labels.confidence.pow(self.confidence_power)
             points = sure if points is None else sure * points
         mean: Tensor = self.loss(logits, classes, weights, points)

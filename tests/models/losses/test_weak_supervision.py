@@ -88,3 +88,14 @@ def test_it_asks_for_what_its_settings_read():
     assert set(WeakSupervision().needs) == {'logits', 'semantic'}
     assert set(WeakSupervision(balance='frequency').needs) == {'logits', 'semantic', 'class_counts'}
     assert set(WeakSupervision(annotated_share=0.5).needs) == {'logits', 'semantic', 'is_annotated'}
+
+
+def test_unsure_labels_teach_less():
+    logits = torch.tensor([[2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    labels = labels_of([0, 2])._replace(confidence=torch.tensor([1.0, 0.25]))
+    each = torch.nn.functional.cross_entropy(logits, torch.tensor([0, 2]), reduction='none')
+    for power, weights in ((0.0, [1.0, 1.0]), (1.0, [1.0, 0.25]), (2.0, [1.0, 0.0625])):
+        term = WeakSupervision(confidence_power=power)
+        found = loss_of(term, logits, labels)
+        expected = (each * torch.tensor(weights)).sum() / sum(weights)
+        assert float(found) == pytest.approx(float(expected), rel=1e-6)
