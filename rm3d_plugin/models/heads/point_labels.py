@@ -73,6 +73,10 @@ def join_point_labels(
         is_annotated.append((_mask(sample, 'pts_is_annotated', rows, 1, device) > 0) & (classes >= 0))
         confidence.append(_mask(sample, 'pts_confidence', rows, 1.0, device))
         scenes.append(torch.full((len(numbers),), scene, device=device))
-    parts = (semantic, instance, scenes, is_annotated)
-    joined = PointLabels(*(torch.cat(part) for part in parts))
-    return joined._replace(confidence=torch.cat(confidence))
+    return PointLabels(
+        torch.cat(semantic),
+        torch.cat(instance),
+        torch.cat(scenes),
+        torch.cat(is_annotated),
+        confidence=torch.cat(confidence),
+    )
