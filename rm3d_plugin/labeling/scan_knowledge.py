@@ -1,6 +1,6 @@
 """What the labels of all scans together tell of each, where labels spread by a random walk: made at first use."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,13 +18,16 @@ from rm3d_plugin.pseudo_labels.propagation.checked import (
 )
 from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated
 
-CHECKED_SCANS = 16  # in about as many, evenly chosen, labels are left out
+TEACHING_SCANS = 128  # about as many, evenly chosen, teach what classes look like
+CHECKED_SCANS = 16  # in about as many labels are left out
 
-LabelledScan = tuple[PreparedCloud, Int[np.ndarray, ' points']]
+
+class _Labels(NamedTuple):
+    points: Int[np.ndarray, ' labels']
+    classes: Int[np.ndarray, ' labels']
 
 
 class _Example(NamedTuple):
-    points: Int[np.ndarray, ' examples']
     features: Float[np.ndarray, 'examples features']
     classes: Int[np.ndarray, ' examples']
 
@@ -34,7 +37,8 @@ class ScanKnowledge:
 
     Args:
         scene_ids: All scans.
-        labelled: Gives a scan and the class of each of its labelled points, -1 elsewhere.
+        scan: Gives a scan, prepared.
+        annotated: Gives the class of each labelled point of a scan, -1 elsewhere.
         classes: Number of classes.
         rules: Of the walk.
         judging: Share of the labels of each class that judge the network.
@@ -44,36 +48,38 @@ class ScanKnowledge:
     def __init__(
         self,
         scene_ids: Sequence[str],
-        labelled: Callable[[str], LabelledScan],
+        scan: Callable[[str], PreparedCloud],
+        annotated: Callable[[str], Int[np.ndarray, ' points']],
         classes: int,
         rules: WalkerRules,
         judging: float,
         seed: int,
     ) -> None:
-        self._judging, self._seed = judging, seed
-        self._scene_ids, self._labelled, self._classes, self._rules = scene_ids, labelled, classes, rules
+        self._scene_ids, self._scan, self._annotated = scene_ids, scan, annotated
+        self._classes, self._rules, self._judging, self._seed = classes, rules, judging, seed
 
     def beside(self, scene_id: str) -> Beside:
         """Examples of the other scans, and every class that any of them shows: it may be in this one, too."""
         others = [example for scene, example in self._examples.items() if scene != scene_id and len(example.classes)]
         if not others:
             return Beside()
-        _, features, classes = (np.concatenate(column) for column in zip(*others, strict=True))
+        features, classes = (np.concatenate(column) for column in zip(*others, strict=True))
         return Beside(features, classes, possible=self.shown)
 
     @cached_property
     def shown(self) -> Bool[np.ndarray, ' classes']:
         """Classes of which some scan shows a label."""
-        counts = [np.bincount(example.classes, minlength=self._classes) for example in self._examples.values()]
-        return np.asarray(np.sum(counts, axis=0) > 0)
+        there = np.zeros(self._classes, dtype=np.bool_)
+        there[np.concatenate([labels.classes for labels in self._labels.values()])] = True
+        return there
 
     @cached_property
     def checked(self) -> CheckedLabels:
         """What was said of labels that were left out, of all scans."""
         return joined(
             [
-                check_labels(*labelled, self._classes, self._rules, self.beside(scene))
-                for scene, labelled in self._scans('leaving labels out', CHECKED_SCANS)
+                check_labels(self._scan(scene), self._annotated(scene), self._classes, self._rules, self.beside(scene))
+                for scene in self._some(CHECKED_SCANS, 'leaving labels out')
             ]
         )
 
@@ -94,23 +100,33 @@ class ScanKnowledge:
     @cached_property
     def judges(self) -> dict[str, Int[np.ndarray, ' judging']]:
         """Points of each scan whose labels training is not told, so that they can judge: a share of each class."""
-        scenes, examples = list(self._examples), self._examples.values()
-        owner = np.repeat(np.arange(len(scenes)), [len(example.classes) for example in examples])
-        points = np.concatenate([example.points for example in examples])
-        kept = share_of_each(np.concatenate([example.classes for example in examples]), self._judging, self._seed)
-        return {scene: np.sort(points[kept & (owner == number)]) for number, scene in enumerate(scenes)}
+        labels = self._labels.values()
+        owner = np.repeat(np.arange(len(labels)), [len(each.classes) for each in labels])
+        points, classes = (np.concatenate(column) for column in zip(*labels, strict=True))
+        kept = share_of_each(classes, self._judging, self._seed)
+        return {scene: np.sort(points[kept & (owner == number)]) for number, scene in enumerate(self._labels)}
+
+    @cached_property
+    def _labels(self) -> dict[str, _Labels]:
+        found = {}
+        for scene in self._scene_ids:
+            annotated = self._annotated(scene)
+            points = np.flatnonzero(annotated >= 0)
+            found[scene] = _Labels(points, annotated[points].astype(np.int64))
+        return found
 
     @cached_property
     def _examples(self) -> dict[str, _Example]:
         return {
-            scene: _Example(np.flatnonzero(annotated >= 0), *examples_of(scan, annotated))
-            for scene, (scan, annotated) in self._scans('what classes look like')
+            scene: _Example(*examples_of(self._scan(scene), self._annotated(scene)))
+            for scene in self._some(TEACHING_SCANS, 'what classes look like')
         }
 
-    def _scans(self, task: str, most: int | None = None) -> Iterator[tuple[str, LabelledScan]]:
-        step = 1 if most is None else max(len(self._scene_ids) // most, 1)
-        for scene in tqdm(self._scene_ids[::step], desc=task, leave=False):
-            yield scene, self._labelled(scene)
+    def _some(self, most: int, task: str) -> Iterable[str]:
+        """About so many of the scans, with a progress bar."""
+        step = max(len(self._scene_ids) // most, 1)
+        chosen: Iterable[str] = tqdm(self._scene_ids[::step], desc=task, leave=False)
+        return chosen
 
 
 def share_of_each(classes: Int[np.ndarray, ' labels'], share: float, seed: int) -> Bool[np.ndarray, ' labels']:

@@ -13,7 +13,7 @@ from mmengine.dist import all_gather_object
 from rm3d_plugin.labeling.annotated import annotated_only, evaluate_points
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
-from rm3d_plugin.labeling.scan_knowledge import LabelledScan, ScanKnowledge
+from rm3d_plugin.labeling.scan_knowledge import ScanKnowledge
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import evenly_chosen
@@ -112,7 +112,7 @@ class WalkerLabelMaker(LabelMaker):
     def forget(self) -> None:
         """What the labels tell is learnt anew."""
         scenes, classes = list(self.index_of), len(self.source.classes)
-        self.known = ScanKnowledge(scenes, self._labelled, classes, self.walk, self.rules.judging, self._seed)
+        self.known = ScanKnowledge(scenes, self.scan, self._shown, classes, self.walk, self.rules.judging, self._seed)
 
     # ------------------------------------------------------------------ annotated labels
 
@@ -127,10 +127,10 @@ class WalkerLabelMaker(LabelMaker):
             return annotated
         return without(annotated, self.known.judges[scene_id])
 
-    def _labelled(self, scene_id: str) -> LabelledScan:
+    def _shown(self, scene_id: str) -> Int[np.ndarray, ' points']:
+        """Class of each annotated point, -1 elsewhere; of a complete scene a few of each class stand for all."""
         annotated = self.annotated(scene_id)
-        semantic = few_of_each(annotated.semantic, self.walk.examples) if annotated.complete else annotated.semantic
-        return self.scan(scene_id), semantic
+        return few_of_each(annotated.semantic, self.walk.examples) if annotated.complete else annotated.semantic
 
     def statistics(self) -> LabelStatistics:
         """How often each class is annotated."""
