@@ -73,6 +73,11 @@ class ScanKnowledge:
         there[np.concatenate([labels.classes for labels in self._labels.values()])] = True
         return there
 
+    @property
+    def count(self) -> int:
+        """Labels of all scans."""
+        return sum(len(labels.classes) for labels in self._labels.values())
+
     @cached_property
     def checked(self) -> CheckedLabels:
         """What was said of labels that were left out, of all scans."""

@@ -93,9 +93,8 @@ class WalkerLabelMaker(LabelMaker):
         self._rounds, self._objects, self._seed = rounds, instances, seed
         self._regions = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._scans: RecentItems[PreparedCloud] = RecentItems(SCANS_IN_MEMORY, _nbytes)
-        self._say, self._heard = SILENT, False
+        self._say = SILENT
         self._samples: list[Float[np.ndarray, 'points classes']] = []
-        self._samples_before = self._samples
         self.forget()
 
     def _cloud(self, scene_id: str) -> PointCloud:
@@ -106,7 +105,7 @@ class WalkerLabelMaker(LabelMaker):
         return self._scans.get_or_make(scene_id, lambda: prepare_cloud(self._cloud(scene_id)))
 
     def prepare(self, jobs: int = 1) -> str:
-        """Nothing is kept on disk: a scan is prepared in about a second when its labels spread."""
+        """Nothing is kept on disk: a scan is prepared when its labels spread."""
         return 'graphs of the scans are made as they are needed'
 
     def forget(self) -> None:
@@ -141,14 +140,14 @@ class WalkerLabelMaker(LabelMaker):
     def begin(self, number: int) -> None:
         """Forget the answers of the round before."""
         super().begin(number)
-        self._samples, self._samples_before = [], self._samples or self._samples_before
+        self._samples = []
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Spread the labels of a scene; the network takes part as it was judged."""
         annotated = self.told(number, scene_id)
         if annotated.complete:
             return SceneLabels(annotated_only(annotated))
-        if 0 < number < self._rounds - 1 and not self._say.weight and not self._heard:
+        if self._stands(number):
             return SceneLabels(self.store.read(scene_id, number - 1))  # nothing is known that was not before
         beside = replace(self.known.beside(scene_id), sharpness=self.known.sharpness, say=self._say)
         if prediction is not None:
@@ -169,6 +168,17 @@ class WalkerLabelMaker(LabelMaker):
         )
         return SceneLabels(labels)
 
+    def _stands(self, number: int) -> bool:
+        """Whether the labels of the round before stand: of geometry alone and the same labels, as this round's are."""
+        if not 0 < number < self._rounds - 1 or self._say.weight:
+            return False
+        before = self._before(number)
+        return not before['network_pull'] and bool(before['annotated'] == self.known.count)
+
+    def _before(self, number: int) -> dict[str, Any]:
+        """Of the round before, from the store: a run that was interrupted goes on as another does."""
+        return self.store.summary(number - 1)
+
     def _instances(
         self, scene_id: str, semantic: Int[np.ndarray, ' points'], annotated: AnnotatedLabels
     ) -> Int[np.ndarray, ' points']:
@@ -182,7 +192,6 @@ class WalkerLabelMaker(LabelMaker):
         first = list(islice(rest, JUDGING_SCANS)) if self.rules.judging else []
         trials = [trial for scene, seen in first if (trial := self._trial(number, scene, seen)) is not None]
         says: list[NetworkSay] = all_gather_object(judge_network(trials, self.walk))
-        self._heard = self._say.weight > 0  # the labels of the round before are the network's, too
         self._say = max(says, key=lambda say: say.labels)
         return chain(first, rest)
 
@@ -203,13 +212,19 @@ class WalkerLabelMaker(LabelMaker):
             log(f'labels of round {number}: {heard(self._say)}')
 
     def evaluate(self, number: int) -> dict[str, Any]:
-        """See :func:`evaluate_points`; and ``estimate``, what left-out labels tell of the mean IoU (None: too few)."""
-        answered = self._samples or self._samples_before  # nothing where a process took up a round of another
-        return evaluate_points(self, number) | ({'estimate': self._estimate()} if answered else {})
+        """Coverage and precision, an estimate, and what this round's labels came from.
+
+        Returns:
+            See :func:`evaluate_points`; ``estimate``: what left-out labels tell of the mean IoU (None: too few, or
+            every scene is complete); ``network_pull``: of the network; ``annotated``: labels there were.
+        """
+        estimate = self._before(number)['estimate'] if self._stands(number) else self._estimate()
+        origin = {'network_pull': self._say.weight, 'annotated': self.known.count}
+        return evaluate_points(self, number) | {'estimate': estimate} | origin
 
     def _estimate(self) -> dict[str, float] | None:
         """Of the answers of this process since the round began, percent."""
-        found = self.known.estimate(self._samples or self._samples_before)
+        found = self.known.estimate(self._samples) if self._samples else None
         if found is None:
             return None
         return {'miou': found.miou, 'low': found.low, 'high': found.high, 'clicks': found.labels}

@@ -62,7 +62,7 @@ def test_finished_runs_are_kept_and_missing_ones_made(asked):
     request, told = asked
     run_rows([A], request, FAKE)
     (run_folder(request.out, A, 1) / 'metrics.json').write_text('{"losses": {}, "validation": {}, "final": {}}')
-    run_rows([A, B], replace(request, seeds=(0, 1, 2), options=('threads=4', 'cache_dir=/tmp/x')), FAKE)
+    run_rows([A, B], replace(request, seeds=(0, 1, 2), options=('threads=4', 'cache_dir=elsewhere')), FAKE)
     assert [folder for folder, _ in begun(request)].count('a_cfg_seed0') == 1
     assert [folder for folder, _ in begun(request)].count('a_cfg_seed1') == 2  # it had no final scores
     assert any(line.endswith('a_cfg_seed0: finished before') for line in told)

@@ -1,5 +1,7 @@
 """Labels that spread by a random walk, round by round; the network must be judged."""
 
+import shutil
+
 import numpy as np
 import pytest
 from labeling import rounds
@@ -72,6 +74,20 @@ def test_a_network_that_is_wrong_changes_nothing(tmp_path):
     for first, second in zip(of(made, 0), of(made, 1), strict=True):
         np.testing.assert_array_equal(first.semantic, second.semantic)
     assert made.store.summary(1)['estimate'] == made.store.summary(0)['estimate']
+
+
+def test_a_run_that_is_taken_up_makes_the_same_labels(tmp_path):
+    unbroken = label_maker(tmp_path / 'a', rounds=4)
+    rounds.start(unbroken)
+    refresh(unbroken, 1, certain)
+    shutil.copytree(tmp_path / 'a' / 'labels', tmp_path / 'b' / 'labels')
+    resumed = label_maker(tmp_path / 'b', rounds=4)
+    for each in (unbroken, resumed):
+        refresh(each, 2, wrong)
+    for first, second in zip(of(unbroken, 2), of(resumed, 2), strict=True):
+        np.testing.assert_array_equal(first.semantic, second.semantic)
+        np.testing.assert_array_equal(first.confidence, second.confidence)
+    assert unbroken.store.summary(2) == resumed.store.summary(2)
 
 
 def test_a_network_that_is_right_is_heard_where_labels_are_few(tmp_path):
