@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.linalg.lapack import dpotrf, dpotri
 
 NOISE = 0.1  # of the labels of the most frequent class, against 1 of the kernel
 SHARPNESS = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0)
@@ -106,7 +107,7 @@ def fit_kernel_classifier(
     counts, scaled = np.bincount(own), scaling.apply(rows)
     wanted = np.eye(len(said))[own] - 1.0 / len(said)
     noise = np.diag(NOISE * (counts / counts.max())[own])
-    inverse = np.linalg.inv(_kernel(scaled, scaled, length).astype(np.float64) + noise)
+    inverse = _inverse(_kernel(scaled, scaled, length).astype(np.float64) + noise)
     weights = inverse @ wanted
     left_out = wanted - weights / np.diag(inverse)[:, None]
     sharpness = max(SHARPNESS, key=lambda sharp: _balanced_likelihood(sharp * left_out, own, counts))
@@ -155,6 +156,16 @@ def normalised(shares: Float[np.ndarray, 'rows classes']) -> Float[np.ndarray, '
     """Rows of sum 1; rows of zeros stay."""
     total = shares.sum(axis=1, keepdims=True)
     return np.asarray(shares / np.where(total > 0, total, 1.0))
+
+
+def _inverse(matrix: Float[np.ndarray, 'rows rows']) -> Float[np.ndarray, 'rows rows']:
+    """Of a symmetric positive definite matrix, by Cholesky: a third of the time of a general one."""
+    lower, failed = dpotrf(matrix, lower=1)
+    half, failed_too = dpotri(lower, lower=1)
+    if failed or failed_too:
+        raise np.linalg.LinAlgError('kernel of labelled rows: not positive definite')
+    half = np.tril(half)
+    return np.asarray(half + np.tril(half, -1).T)
 
 
 def _kernel(

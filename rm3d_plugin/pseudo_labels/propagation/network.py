@@ -11,10 +11,10 @@ from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, SILENT, NetworkSay, WalkerRules
-from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, Pull, at_points, coarse_graphs, solve
+from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, Pull, at_points, coarse_graphs, features_say, walks
 
 POWERS = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # inverse temperatures that are tried
-STRENGTHS = (0.003, 0.01, 0.03, 0.1, 0.3)  # pulls that are tried, as shares of the usual degree of a point
+STRENGTHS = (0.01, 0.05, 0.25)  # pulls that are tried, as shares of the usual degree of a point
 LEAST = 1e-6
 
 
@@ -101,9 +101,10 @@ def try_network(trial: Trial, power: float, rules: WalkerRules) -> Bool[np.ndarr
     told, points = labels.select(~judges), labels.points[judges]
     graphs = coarse_graphs(scene, labels.points, rules.left_out_nodes)
     own, right = strength_of(DEFAULT, told, rules), []
+    likely = features_say(scene, graphs, told, own, rules)
     for strength in (0.0, *STRENGTHS):
         pulls = network_pulls(graphs, network, NetworkSay(strength, power, 0))
-        said = at_points(graphs, solve(scene, graphs, told, own, rules, pulls))[points]
+        said = at_points(graphs, walks(graphs, told, likely, own, rules, pulls))[points]
         right.append(said.argmax(axis=1) == trial.classes)
     return np.stack(right)
 

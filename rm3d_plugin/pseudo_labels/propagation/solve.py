@@ -93,17 +93,28 @@ def solve(
         rules: The rest.
         networks: Further pulls, one a graph, or None.
     """
-    further: Sequence[Pull | None] = [None for _ in graphs] if networks is None else networks
+    likely = features_say(scene, graphs, labels, strength, rules, networks)
+    return walks(graphs, labels, likely, strength, rules, networks)
+
+
+def features_say(
+    scene: PreparedCloud,
+    graphs: list[CoarseGraph],
+    labels: Labels,
+    strength: float,
+    rules: WalkerRules,
+    networks: list[Pull] | None = None,
+) -> Float[np.ndarray, 'points classes']:
+    """What features say of each point, of which a first answer is a teacher where labels are few; see :func:`solve`."""
     if not strength > 0:
-        likely = np.full((len(scene.cloud), labels.num_classes), 1.0 / labels.num_classes, dtype=np.float32)
-        return _walks(graphs, labels, likely, 0.0, rules, further)
+        return np.full((len(scene.cloud), labels.num_classes), 1.0 / labels.num_classes, dtype=np.float32)
     likely = class_shares(scene, labels, rules.examples)
-    found = _walks(graphs, labels, likely, strength, rules, further)
     taught = 1.0 - trust_of(labels, rules)
     if taught < LEAST_TAUGHT:
-        return found
+        return likely
+    found = walks(graphs, labels, likely, strength, rules, networks)
     learnt = class_shares(scene, labels, rules.examples, at_points(graphs, found))
-    return _walks(graphs, labels, np.asarray((1.0 - taught) * likely + taught * learnt), strength, rules, further)
+    return np.asarray((1.0 - taught) * likely + taught * learnt)
 
 
 def at_points(graphs: list[CoarseGraph], found: list[Solution]) -> Float[np.ndarray, 'points classes']:
@@ -118,17 +129,19 @@ def trust_of(labels: Labels, rules: WalkerRules) -> float:
     return label_trust(counts[counts > 0], rules.prior_half)
 
 
-def _walks(
+def walks(
     graphs: list[CoarseGraph],
     labels: Labels,
     likely: Float[np.ndarray, 'points classes'],
     strength: float,
     rules: WalkerRules,
-    networks: Sequence[Pull | None],
+    networks: list[Pull] | None = None,
 ) -> list[Solution]:
+    """A walk over each graph, drawn to what features say of each point; see :func:`solve`."""
+    further: Sequence[Pull | None] = [None for _ in graphs] if networks is None else networks
     return [
         _walk(graph, labels, normalised(graph.mean(likely)), strength, rules, network)
-        for graph, network in zip(graphs, networks, strict=True)
+        for graph, network in zip(graphs, further, strict=True)
     ]
 
 
