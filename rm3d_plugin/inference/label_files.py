@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.given_labels import GivenLabels
-from rm3d_plugin.inference.label_scan import LabelledScan, label_prepared
+from rm3d_plugin.inference.label_scan import LabelledScan, at_all_points, drawn_points, label_prepared
 from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.inference.predict import check_names
 from rm3d_plugin.inference.predict_formats import (
@@ -70,8 +70,20 @@ class _Example(NamedTuple):
     classes: np.ndarray
 
 
-class _Prepared(NamedTuple):
+class PreparedScan(NamedTuple):
+    """A scan that was read, and the points of it that labels spread over.
+
+    Attributes:
+        columns: What its file holds.
+        cloud: All points.
+        drawn: See :func:`~rm3d_plugin.inference.label_scan.drawn_points`.
+        scene: Graph and features of the points drawn.
+        seconds: That this took.
+    """
+
     columns: dict[str, np.ndarray]
+    cloud: PointCloud
+    drawn: Int[np.ndarray, ' drawn']
     scene: PreparedCloud
     seconds: float
 
@@ -87,16 +99,37 @@ class LabelledFiles:
 
     def __init__(self, scans: Sequence[Path], given: GivenLabels, options: LabelOptions) -> None:
         self.scans, self.given, self.options = list(scans), given, options
-        self._recent: RecentItems[_Prepared] = RecentItems(IN_MEMORY, _nbytes)
+        self._recent: RecentItems[PreparedScan] = RecentItems(IN_MEMORY, _nbytes)
 
-    def prepared(self, scan: Path) -> _Prepared:
+    def prepared(self, scan: Path) -> PreparedScan:
         """A scan with its graph and features, from memory or made now."""
         return self._recent.get_or_make(scan.stem, lambda: self._prepare(scan))
 
-    def _prepare(self, scan: Path) -> _Prepared:
+    def _prepare(self, scan: Path) -> PreparedScan:
         columns = read_columns(scan, self.options.columns)
         cloud, began = scan_of_columns(columns, scan).cloud, time.perf_counter()
-        return _Prepared(columns, prepare_cloud(cloud), time.perf_counter() - began)
+        drawn = drawn_points(len(cloud), np.flatnonzero(self.annotated(scan, len(cloud)) >= 0))
+        scene = prepare_cloud(cloud.select(drawn) if len(drawn) < len(cloud) else cloud)
+        return PreparedScan(columns, cloud, drawn, scene, time.perf_counter() - began)
+
+    def labelled(self, scan: Path, beside: Beside) -> LabelledScan:
+        """Labels of all points of a scan.
+
+        Args:
+            scan: Which.
+            beside: What is known beside its labels, of all its points.
+        """
+        prepared, options = self.prepared(scan), self.options
+        drawn, points = prepared.drawn, len(prepared.cloud)
+        if beside.network is not None:
+            beside = replace(beside, network=beside.network[drawn])
+        if beside.unseen is not None:
+            beside = replace(beside, unseen=beside.unseen[drawn])
+        annotated, classes = self.annotated(scan, points)[drawn], len(self.given.names)
+        found = label_prepared(
+            prepared.scene, annotated, classes, options.check, options.seed, beside, prepared.seconds
+        )
+        return at_all_points(found, prepared.cloud, drawn)
 
     def annotated(self, scan: Path, points: int) -> Int[np.ndarray, ' points']:
         """Class of each point, -1 = unlabelled."""
@@ -129,15 +162,16 @@ class LabelledFiles:
     def _examples(self) -> dict[str, _Example]:
         found = {}
         for scan in tqdm(self.scans, desc='what classes look like', unit='scan', leave=False, disable=None):
-            scene = self.prepared(scan).scene
-            found[scan.stem] = _Example(*examples_of(scene, self.annotated(scan, len(scene.cloud))))
+            prepared = self.prepared(scan)
+            annotated = self.annotated(scan, len(prepared.cloud))[prepared.drawn]
+            found[scan.stem] = _Example(*examples_of(prepared.scene, annotated))
         return found
 
 
-def _nbytes(prepared: _Prepared) -> int:
+def _nbytes(prepared: PreparedScan) -> int:
     scene = prepared.scene
     edges = [part for graph in scene.graphs for part in (graph.weights.data, graph.weights.indices)]
-    return sum(part.nbytes for part in (*prepared.columns.values(), *edges, scene.cloud.xyz))
+    return sum(part.nbytes for part in (*prepared.columns.values(), *edges, prepared.cloud.xyz))
 
 
 class Summary:
@@ -177,18 +211,24 @@ def label_files(files: LabelledFiles, out: Path, summary: Summary) -> Iterator[W
     """
     given, options = files.given, files.options
     besides = [files.beside(scan) for scan in files.scans]  # what cannot be is told before anything is written
-    pairs = zip(files.scans, besides, strict=True)
-    for scan, beside in tqdm(pairs, desc='label', unit='scan', total=len(besides), disable=None):
-        prepared = files.prepared(scan)
-        scene = prepared.scene
-        annotated = files.annotated(scan, len(scene.cloud))
-        found = label_prepared(
-            scene, annotated, len(given.names), options.check, options.seed, beside, prepared.seconds
-        )
-        paths = write_scan(scan, prepared.columns, scene.cloud, found, given, out, options.format)
-        written = WrittenScan(scan, scan_kind(scene.cloud), found, paths)
-        summary.add(scan.stem, summary_of(written, given))
-        yield written
+    steps = ('neighbours', 'labels', 'file')
+    with tqdm(desc='label', unit='step', total=len(steps) * len(besides), disable=None) as bar:
+        for scan, beside in zip(files.scans, besides, strict=True):
+            bar.set_postfix_str(f'{scan.name}: {steps[0]}')
+            prepared = files.prepared(scan)
+            _ahead(bar, f'{scan.name}: {steps[1]}')
+            found = files.labelled(scan, beside)
+            _ahead(bar, f'{scan.name}: {steps[2]}')
+            paths = write_scan(scan, prepared.columns, prepared.cloud, found, given, out, options.format)
+            written = WrittenScan(scan, scan_kind(prepared.cloud), found, paths)
+            summary.add(scan.stem, summary_of(written, given))
+            bar.update()
+            yield written
+
+
+def _ahead(bar: 'tqdm[Any]', text: str) -> None:
+    bar.update()
+    bar.set_postfix_str(text)
 
 
 def write_scan(

@@ -12,12 +12,11 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.label_files import LabelledFiles, Summary, WrittenScan, summary_of, write_scan
-from rm3d_plugin.inference.label_scan import LabelledScan, label_prepared, regions_of
+from rm3d_plugin.inference.label_scan import LabelledScan, regions_of
 from rm3d_plugin.inference.label_training import TrainingOptions, train_network
 from rm3d_plugin.inference.predict_points import Segmenter
 from rm3d_plugin.inference.scan_kind import Kind, scan_kind
 from rm3d_plugin.labeling.walker import WalkerLabelMaker
-from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.choose import Choice
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT
 from rm3d_plugin.registry import TASK_UTILS
@@ -57,7 +56,7 @@ def label_again(
     for scan in tqdm(files.scans, desc='label again', unit='scan', disable=None):
         found = _with_network(files, scan, network, judges[scan.stem])
         prepared = files.prepared(scan)
-        cloud, paths = prepared.scene.cloud, []
+        cloud, paths = prepared.cloud, []
         if found.network_weight:
             paths = write_scan(scan, prepared.columns, cloud, found, files.given, out, files.options.format)
         written = WrittenScan(scan, scan_kind(cloud), found, paths)
@@ -86,13 +85,10 @@ def judges_of(config: Config) -> Mapping[str, Int[np.ndarray, ' judging']]:
 def _with_network(
     files: LabelledFiles, scan: Path, network: Segmenter, judges: Int[np.ndarray, ' judging']
 ) -> LabelledScan:
-    scene, beside = files.prepared(scan).scene, files.beside(scan)
-    unseen = np.zeros(len(scene.cloud), dtype=np.bool_)
+    unseen = np.zeros(len(files.prepared(scan).cloud), dtype=np.bool_)
     unseen[judges] = True
     said = network.probabilities(network.read(scan), scan.name)
-    beside = replace(beside, network=said, unseen=unseen)
-    annotated, options = files.annotated(scan, len(unseen)), files.options
-    return label_prepared(scene, annotated, len(files.given.names), options.check, options.seed, beside)
+    return files.labelled(scan, replace(files.beside(scan), network=said, unseen=unseen))
 
 
 def _predicted(files: LabelledFiles, scan: Path, network: Segmenter, out: Path) -> WrittenScan:
@@ -100,16 +96,15 @@ def _predicted(files: LabelledFiles, scan: Path, network: Segmenter, out: Path) 
     columns = read_columns(scan, files.options.columns)
     cloud = scan_of_columns(columns, scan).cloud
     said = network.predict(network.read(scan), scan.name)
-    region, seconds = regions_of(prepare_cloud(cloud)), time.perf_counter() - began
     found = LabelledScan(
         semantic=said.semantic,
         confidence=said.confidence,
-        region=region,
+        region=regions_of(cloud),
         clicks=np.zeros(classes, dtype=np.int64),
         choice=Choice(DEFAULT, {}),
         estimate=None,
         checked=False,
-        seconds=seconds,
+        seconds=time.perf_counter() - began,
         method='network',
     )
     paths = write_scan(scan, columns, cloud, found, files.given, out, files.options.format)

@@ -1,11 +1,12 @@
 """From few labels of a scan to a label for each of its points, without training."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.pseudo_labels.propagation import (
     Beside,
     Estimate,
@@ -18,6 +19,7 @@ from rm3d_plugin.pseudo_labels.propagation.choose import Choice
 from rm3d_plugin.pseudo_labels.propagation.coarsening import coarsen
 from rm3d_plugin.structures import PointCloud
 
+MOST_POINTS = 2_000_000  # that labels spread over; of larger scans so many are drawn, the others follow the nearest
 REGION_POINTS = 50  # of a region, at least on average; larger: fewer regions, more of them of two classes
 
 
@@ -28,7 +30,7 @@ class LabelledScan:
     Attributes:
         semantic: (N,) int64 class of each point; labelled points keep theirs.
         confidence: (N,) float32 probability of that class; 1 at labelled points.
-        region: (N,) int64 region of each point, from 0, see :func:`regions_of`.
+        region: (N,) int64 region of each point, from 0, see :func:`regions_of_prepared`.
         clicks: (C,) labelled points of each class.
         choice: Which candidate was taken, and what share of the left-out labels each named correctly.
         estimate: Of the mean IoU on the points without a label; None where none is possible.
@@ -82,8 +84,59 @@ def label_scan(
         ValueError: ``annotated`` does not fit.
     """
     began = time.perf_counter()
-    scene = prepare_cloud(cloud)
-    return label_prepared(scene, annotated, num_classes, check, seed, Beside(), time.perf_counter() - began)
+    drawn = drawn_points(len(cloud), np.flatnonzero(annotated >= 0))
+    scene = prepare_cloud(cloud.select(drawn) if len(drawn) < len(cloud) else cloud)
+    found = label_prepared(scene, annotated[drawn], num_classes, check, seed, Beside())
+    return replace(at_all_points(found, cloud, drawn), seconds=time.perf_counter() - began)
+
+
+def drawn_points(
+    count: int, labelled: Int[np.ndarray, ' labelled'], most: int | None = None
+) -> Int[np.ndarray, ' drawn']:
+    """Points that stand for all: every one, or the labelled ones and others by chance, ascending.
+
+    Args:
+        count: Of the points.
+        labelled: Points that are kept.
+        most: That are drawn, beside the labelled ones; None: :data:`MOST_POINTS`.
+
+    >>> len(drawn_points(100, np.array([7]), most=10)), 7 in drawn_points(100, np.array([7]), most=10)
+    (11, True)
+    """
+    most = MOST_POINTS if most is None else most
+    if count <= most:
+        return np.arange(count)
+    drawn = np.zeros(count, dtype=np.bool_)
+    others = np.delete(np.arange(count), labelled)
+    drawn[np.random.default_rng(0).choice(others, min(most, len(others)), replace=False)] = True
+    drawn[labelled] = True
+    return np.flatnonzero(drawn)
+
+
+def at_all_points(found: LabelledScan, cloud: PointCloud, drawn: Int[np.ndarray, ' drawn']) -> LabelledScan:
+    """What was found at points that were drawn, at all: each takes it from the nearest of these.
+
+    Args:
+        found: Of the points drawn.
+        cloud: All points.
+        drawn: Of :func:`drawn_points`.
+    """
+    if len(drawn) == len(cloud):
+        return found
+    nearest = nearest_drawn(cloud, drawn)
+    return replace(
+        found,
+        semantic=found.semantic[nearest],
+        confidence=found.confidence[nearest],
+        region=found.region[nearest],
+    )
+
+
+def nearest_drawn(cloud: PointCloud, drawn: Int[np.ndarray, ' drawn']) -> Int[np.ndarray, ' points']:
+    """Which of the points drawn is the nearest to each point; a drawn one is so to itself."""
+    nearest = Octree(cloud.xyz[drawn]).knn(cloud.xyz, 1).indices[:, 0]
+    nearest[drawn] = np.arange(len(drawn))
+    return np.asarray(nearest, dtype=np.int64)
 
 
 def label_prepared(
@@ -115,7 +168,7 @@ def label_prepared(
     return LabelledScan(
         semantic=found.semantic,
         confidence=found.confidence,
-        region=regions_of(scene),
+        region=regions_of_prepared(scene),
         clicks=np.bincount(annotated[annotated >= 0], minlength=num_classes),
         choice=found.choice,
         estimate=found.estimate,
@@ -126,7 +179,14 @@ def label_prepared(
     )
 
 
-def regions_of(scene: PreparedCloud) -> Int[np.ndarray, ' points']:
+def regions_of(cloud: PointCloud) -> Int[np.ndarray, ' points']:
+    """:func:`regions_of_prepared` of any scan."""
+    drawn = drawn_points(len(cloud), np.zeros(0, dtype=np.int64))
+    region = regions_of_prepared(prepare_cloud(cloud.select(drawn) if len(drawn) < len(cloud) else cloud))
+    return region if len(drawn) == len(cloud) else region[nearest_drawn(cloud, drawn)]
+
+
+def regions_of_prepared(scene: PreparedCloud) -> Int[np.ndarray, ' points']:
     """An over-segmentation: points that the strongest edges of the walker's graph join, numbered by their first point.
 
     Args:

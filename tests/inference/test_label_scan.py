@@ -9,7 +9,7 @@ from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.given_labels import clicked_labels, field_labels
 from rm3d_plugin.inference.label_files import LabelledFiles, LabelOptions, Summary, check_outputs
 from rm3d_plugin.inference.label_files import label_files as write_labels
-from rm3d_plugin.inference.label_scan import label_scan
+from rm3d_plugin.inference.label_scan import drawn_points, label_scan, nearest_drawn
 from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.storage.ply import read_ply, write_ply
 from rm3d_plugin.structures import PointCloud, SceneError
@@ -262,3 +262,17 @@ def test_regions_partition_the_scan_and_hardly_cross_the_edge():
     assert (
         np.maximum(walls, counts - walls).sum() / len(xyz) > 0.95
     )  # regions of 50 points at the edge hold some of both
+
+
+def test_a_large_scan_follows_the_points_that_were_drawn(monkeypatch):
+    xyz, semantic = corner()
+    annotated = annotated_with(few(semantic, 6), semantic)
+    monkeypatch.setattr(label_scan.__module__ + '.MOST_POINTS', len(xyz) // 3)
+    found = label_scan(PointCloud(xyz), annotated, 2)
+    assert len(found.semantic) == len(found.region) == len(xyz)
+    assert (found.semantic == semantic).mean() > 0.95
+    assert (found.confidence[annotated >= 0] == 1.0).all()
+    drawn = drawn_points(len(xyz), np.flatnonzero(annotated >= 0), len(xyz) // 3)
+    apart = np.square(xyz[:, None] - xyz[drawn]).sum(axis=2).argmin(axis=1)
+    np.testing.assert_array_equal(nearest_drawn(PointCloud(xyz), drawn)[drawn], np.arange(len(drawn)))
+    assert (nearest_drawn(PointCloud(xyz), drawn) == apart).mean() > 0.99  # ties
