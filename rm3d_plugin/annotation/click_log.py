@@ -12,7 +12,7 @@ from rm3d_plugin.storage.click_files import (
     LoggedClicks,
     log_line,
     read_click_log,
-    row_of_click,
+    row_of_clicks,
 )
 
 
@@ -24,38 +24,48 @@ class ClickLog:
 
     Args:
         path: The ``.jsonl`` file; a session that is there is taken up, else one begins.
-        classes: Class names.
+        classes: Class names; those that the log adds come after them.
 
     Raises:
         ClickFileError: The file is there but is no log of clicks, or its name has another ending.
     """
 
-    def __init__(self, path: str | Path, classes: Sequence[str]) -> None:
-        self.path = Path(path)
-        self.classes = tuple(classes)
+    def __init__(self, path: str | Path, classes: Sequence[str] = ()) -> None:
+        self.path, self._given = Path(path), tuple(classes)
         if self.path.suffix != '.jsonl':
             raise ClickFileError(f'{path}: a log of clicks is named *.jsonl')
-        self._standing, self._last, size = self._open()
-        self._forget_what_was_cut_off(size)
+        log = self._open()
+        self.classes, self.colors = log.classes, log.colors
+        self._standing, self._last = log.standing, log.last
+        self._forget_what_was_cut_off(log.size)
 
     @property
     def clicks(self) -> list[Click]:
         """Clicks that stand, in the order they came."""
-        return list(self._standing.values())
+        return [click for clicks in self._standing.values() for click in clicks]
 
-    def add(self, click: Click) -> int:
-        """Keep a click; returns its number, by which :meth:`undo` takes it back.
+    @property
+    def latest(self) -> int | None:
+        """Number of the latest click that stands."""
+        return max(self._standing, default=None)
+
+    def of(self, number: int) -> list[Click]:
+        """The clicks that have a number; none where it does not stand."""
+        return list(self._standing.get(number, ()))
+
+    def add(self, *clicks: Click) -> int:
+        """Keep a click, or many of one scene and class given at once; returns the number that :meth:`undo` takes back.
 
         Raises:
-            ClickFileError: Its class is not among the classes of the log.
+            ClickFileError: A class is not among the classes of the log, or see :func:`row_of_clicks`.
         """
-        self._append({'click': self._last + 1, **row_of_click(click, self.classes)})
+        self._append({'click': self._last + 1, **row_of_clicks(clicks, self.classes)})
         self._last += 1
-        self._standing[self._last] = click
+        self._standing[self._last] = list(clicks)
         return self._last
 
-    def undo(self, number: int | None = None) -> Click:
-        """Take a click back, the latest one that stands where no number is given; returns it.
+    def undo(self, number: int | None = None) -> list[Click]:
+        """Take back what was added under a number, the latest that stands where none is given; returns it.
 
         Raises:
             ClickFileError: There is no such click, or it was taken back before.
@@ -66,11 +76,38 @@ class ClickLog:
         self._append({'undo': number})
         return self._standing.pop(number)
 
+    def add_class(self, name: str, color: str | None = None) -> int:
+        """Name a class, or give it another colour (``#rrggbb``); returns its number.
+
+        Raises:
+            ClickFileError: The name is empty.
+        """
+        if not name.strip():
+            raise ClickFileError(f'{self.path}: a class needs a name')
+        self._append({'add': name} | ({} if color is None else {'color': color}))
+        self.classes = tuple(dict.fromkeys([*self.classes, name]))
+        if color is not None:
+            self.colors[name] = color
+        return self.classes.index(name)
+
+    def rename_class(self, old: str, new: str) -> None:
+        """Give a class that was added another name.
+
+        Raises:
+            ClickFileError: There is no such class, it was not added here, or the new name is taken.
+        """
+        if old not in self.classes or old in self._given or not new.strip() or new in self.classes:
+            raise ClickFileError(f'{self.path}: rename {old!r} to {new!r}: expected a class added here and a free name')
+        self._append({'rename': old, 'to': new})
+        self.classes = tuple(new if name == old else name for name in self.classes)
+        if old in self.colors:
+            self.colors[new] = self.colors.pop(old)
+
     def _open(self) -> LoggedClicks:
         if not self.path.exists() or not self.path.stat().st_size:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._append(LOG_HEAD)
-        return read_click_log(self.path, self.classes)
+        return read_click_log(self.path, self._given)
 
     def _forget_what_was_cut_off(self, size: int) -> None:
         """Make the file end with a whole line, so that the next one stands alone."""

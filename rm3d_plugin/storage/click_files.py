@@ -2,7 +2,9 @@
 
 All three hold the same fields. CSV begins with a line that names its columns; JSON is a list of objects. A log
 (``.jsonl``) has one JSON object a line: first ``{"kind": "clicks", "format": 1}``, then ``{"click": 7, "scene": ...}``
-for the seventh click, or ``{"undo": 7}``, which takes it back. A line that a crash cut off does not count.
+for the seventh click, or ``{"undo": 7}``, which takes it back; ``{"click": 8, "scene": ..., "points": [...]}`` labels
+many points at once. Classes are lines, too: ``{"add": "oak", "color": "#2e8b57"}``, ``{"rename": "oak", "to": "tree"}``.
+A line that a crash cut off does not count.
 """
 
 import csv
@@ -61,14 +63,24 @@ class LoggedClicks(NamedTuple):
     """What a log says.
 
     Attributes:
-        standing: Number -> click, without those taken back.
+        standing: Number -> its clicks, many where many points were labelled at once; without those taken back.
         last: Highest number given, 0 before the first.
         size: Bytes of whole lines; what follows was cut off.
+        classes: Names that clicks are numbered by.
+        colors: Name -> colour as ``#rrggbb``, of classes that have one.
     """
 
-    standing: dict[int, Click]
+    standing: dict[int, list[Click]]
     last: int
     size: int
+    classes: tuple[str, ...]
+    colors: dict[str, str]
+
+
+class _Log(NamedTuple):
+    standing: dict[int, Line]
+    last: int
+    colors: dict[str, str | None]  # of the classes that the log itself names
 
 
 def read_clicks(path: str | Path, classes: Sequence[str]) -> list[Click]:
@@ -122,8 +134,12 @@ def read_click_log(path: str | Path, classes: Sequence[str]) -> LoggedClicks:
         ClickFileError: It is no log, or a line cannot be used; the message names the line.
     """
     lines, size = _log_lines(Path(path))
-    standing, last = _standing(Path(path), lines)
-    return LoggedClicks({number: click_from_row(*line, classes) for number, line in standing.items()}, last, size)
+    log = _followed(Path(path), lines)
+    known = tuple(dict.fromkeys([*classes, *log.colors]))
+    standing = {
+        number: [click_from_row(*each, known) for each in _expanded(line)] for number, line in log.standing.items()
+    }
+    return LoggedClicks(standing, log.last, size, known, {name: of for name, of in log.colors.items() if of})
 
 
 def log_line(row: Mapping[str, Any]) -> str:
@@ -146,6 +162,23 @@ def row_of_click(click: Click, classes: Sequence[str]) -> dict[str, Any]:
         row |= {name: round(float(value), DECIMALS) for name, value in zip('xyz', click.xyz, strict=True)}
     row['class'] = classes[click.semantic]
     return row if click.instance < 0 else {**row, 'instance': click.instance}
+
+
+def row_of_clicks(clicks: Sequence[Click], classes: Sequence[str]) -> dict[str, Any]:
+    """The fields of clicks that were given at once, all of one scene, class and instance.
+
+    Raises:
+        ClickFileError: They differ, have no index, or their class is not among ``classes``.
+    """
+    if len(clicks) == 1:
+        return row_of_click(clicks[0], classes)
+    if len({(click.scene, click.semantic, click.instance) for click in clicks}) != 1:
+        raise ClickFileError('clicks given at once: expected at least one, all of one scene, class and instance')
+    if any(click.index is None for click in clicks):
+        raise ClickFileError(f'{clicks[0].where}: clicks given at once: expected the index of each point')
+    row = row_of_click(clicks[0], classes)
+    kept = {name: row[name] for name in ('class', 'instance') if name in row}
+    return {'scene': row['scene'], 'points': [click.index for click in clicks], **kept}
 
 
 def click_from_row(where: str, row: Mapping[str, Any], classes: Sequence[str]) -> Click:
@@ -206,24 +239,55 @@ def _csv_rows(path: Path) -> list[Line]:
 
 
 def _log_rows(path: Path) -> list[Line]:
-    return list(_standing(path, _log_lines(path)[0])[0].values())
+    standing = _followed(path, _log_lines(path)[0]).standing
+    return [each for line in standing.values() for each in _expanded(line)]
 
 
-def _standing(path: Path, lines: Sequence[Line]) -> tuple[dict[int, Line], int]:
-    """Number -> line of the clicks that stand in the end, and the highest number given."""
+def _expanded(line: Line) -> list[Line]:
+    """A line for each point of a click that labels many at once."""
+    where, row = line
+    points = row.get('points')
+    if points is None:
+        return [line]
+    if not isinstance(points, list) or not points:
+        raise ClickFileError(f'{where}: points: expected a list of numbers of points, got {points!r}')
+    return [(where, {**row, 'index': point}) for point in points]
+
+
+def _followed(path: Path, lines: Sequence[Line]) -> _Log:
+    """The clicks that stand in the end, the highest number given, and the classes that are named."""
     if not lines or lines[0][1] != LOG_HEAD:
         raise ClickFileError(f'{path} line 1: expected {json.dumps(LOG_HEAD)}; this is no log of clicks')
     standing: dict[int, Line] = {}
+    colors: dict[str, str | None] = {}
     last = 0
     for where, row in lines[1:]:
-        if 'undo' not in row:
+        if 'undo' in row:
+            if not isinstance(row['undo'], int) or standing.pop(row['undo'], None) is None:
+                raise ClickFileError(f'{where}: undo: no click {row["undo"]!r} stands before this line')
+        elif 'add' in row:
+            colors[str(row['add'])] = row.get('color') or colors.get(str(row['add']))
+        elif 'rename' in row:
+            colors = _renamed(where, row, colors)
+            standing = {number: _with_class(line, row) for number, line in standing.items()}
+        else:
             last += 1
             standing[last] = (where, row)
             if row.get('click') != last:
                 raise ClickFileError(f'{where}: click: expected number {last}, got {row.get("click")!r}')
-        elif not isinstance(row['undo'], int) or standing.pop(row['undo'], None) is None:
-            raise ClickFileError(f'{where}: undo: no click {row["undo"]!r} stands before this line')
-    return standing, last
+    return _Log(standing, last, colors)
+
+
+def _renamed(where: str, row: Mapping[str, Any], colors: dict[str, str | None]) -> dict[str, str | None]:
+    old, new = str(row['rename']), str(row.get('to') or '')
+    if old not in colors or not new or new in colors:
+        raise ClickFileError(f'{where}: rename: expected a class that was added, and a new name, got {old!r}, {new!r}')
+    return {new if name == old else name: color for name, color in colors.items()}
+
+
+def _with_class(line: Line, renamed: Mapping[str, Any]) -> Line:
+    where, row = line
+    return (where, {**row, 'class': renamed['to']}) if row.get('class') == renamed['rename'] else line
 
 
 def _log_lines(path: Path) -> tuple[list[Line], int]:

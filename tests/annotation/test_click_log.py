@@ -21,7 +21,7 @@ def test_clicks_and_undos_are_lines(tmp_path):
     log = ClickLog(tmp_path / 'new' / 'session.jsonl', CLASSES)
     assert log.clicks == [] and log.path.read_text() == '{"kind": "clicks", "format": 1}\n'
     assert [log.add(click(7, 2)), log.add(Click('s', 1, 4, xyz=(1.00004, 2, 3))), log.add(click(9))] == [1, 2, 3]
-    assert log.undo(1) == click(7, 2) and log.undo() == click(9)
+    assert log.undo(1) == [click(7, 2)] and log.undo() == [click(9)]
     assert log.add(click(5)) == 4  # a number is given once
     assert [json.loads(line) for line in log.path.read_text().splitlines()[1:]] == [
         {'click': 1, 'scene': 's', 'index': 7, 'class': 'wall'},
@@ -42,7 +42,7 @@ def test_a_session_is_taken_up(tmp_path):
     log.undo()
     again = ClickLog(path, CLASSES)
     assert again.clicks == [click(1)]
-    assert again.add(click(3)) == 3 and again.undo(1) == click(1)
+    assert again.add(click(3)) == 3 and again.undo(1) == [click(1)]
     assert ClickLog(path, CLASSES).clicks == [click(3)]
 
 
@@ -106,3 +106,35 @@ def test_a_session_is_a_budget(tmp_path):
     budget = PointBudgetSource(ToyRooms(1, truth=False), f'clicks={log.path}').budget
     assert budget.annotated['room0'].points.tolist() == [3, 40]
     assert budget.annotated['room0'].semantic.tolist() == [0, 2]
+
+
+def test_many_points_at_once_are_one_line_and_one_undo(tmp_path):
+    path = tmp_path / 's.jsonl'
+    log = ClickLog(path, CLASSES)
+    assert log.add(click(4, 1), click(5, 1), click(6, 1)) == 1 and log.add(click(9, 2)) == 2
+    assert json.loads(path.read_text().splitlines()[1]) == {
+        'click': 1, 'scene': 's', 'points': [4, 5, 6], 'class': 'box'
+    }  # fmt: skip
+    assert [(c.index, c.semantic) for c in read_clicks(path, CLASSES)] == [(4, 1), (5, 1), (6, 1), (9, 2)]
+    assert [c.index for c in ClickLog(path, CLASSES).undo(1)] == [4, 5, 6]
+    assert [c.index for c in read_clicks(path, CLASSES)] == [9]
+    with pytest.raises(ClickFileError, match='one scene, class and instance'):
+        log.add(click(1, 0), click(2, 1))
+
+
+def test_classes_are_named_coloured_and_renamed_in_the_log(tmp_path):
+    path = tmp_path / 's.jsonl'
+    log = ClickLog(path)
+    assert [log.add_class('tree', '#2e8b57'), log.add_class('road'), log.add_class('tree', '#00ff00')] == [0, 1, 0]
+    log.add(click(3, 0))
+    log.rename_class('tree', 'oak')
+    log.add(click(4, 0))
+    again = ClickLog(path)
+    assert again.classes == log.classes == ('oak', 'road') and again.colors == log.colors == {'oak': '#00ff00'}
+    assert [(c.index, c.semantic) for c in again.clicks] == [(3, 0), (4, 0)]
+    assert [c.semantic for c in read_clicks(path, ['road', 'oak'])] == [1, 1]  # names count, not numbers
+    for old, new in (('pine', 'fir'), ('oak', 'road'), ('oak', ' ')):
+        with pytest.raises(ClickFileError, match='expected a class added here and a free name'):
+            log.rename_class(old, new)
+    with pytest.raises(ClickFileError, match='needs a name'):
+        log.add_class('  ')

@@ -122,7 +122,7 @@ def test_a_log_without_what_was_taken_back(tmp_path):
     kept = [Click('s', 3, 2, xyz=(1.0, 2.0, 3.5)), Click('t', 0, index=0)]
     assert read_clicks(path, CLASSES) == kept
     log = read_click_log(path, CLASSES)
-    assert log.standing == dict(zip((2, 3), kept, strict=True)) and log.last == 3
+    assert log.standing == {2: kept[:1], 3: kept[1:]} and log.last == 3
     assert log.size == path.stat().st_size
     assert click_classes(path) == ['chair, red', 'floor']
 
