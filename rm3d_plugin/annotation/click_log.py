@@ -10,6 +10,7 @@ from rm3d_plugin.storage.click_files import (
     Click,
     ClickFileError,
     LoggedClicks,
+    latest,
     log_line,
     read_click_log,
     row_of_clicks,
@@ -41,17 +42,13 @@ class ClickLog:
 
     @property
     def clicks(self) -> list[Click]:
-        """Clicks that stand, in the order they came."""
-        return [click for clicks in self._standing.values() for click in clicks]
+        """Clicks that count, in the order they came: of those on one point the last, unless it takes the label away."""
+        return latest(click for clicks in self._standing.values() for click in clicks)
 
     @property
-    def latest(self) -> int | None:
-        """Number of the latest click that stands."""
-        return max(self._standing, default=None)
-
-    def of(self, number: int) -> list[Click]:
-        """The clicks that have a number; none where it does not stand."""
-        return list(self._standing.get(number, ()))
+    def numbers(self) -> list[int]:
+        """Of what was added and not taken back, ascending."""
+        return list(self._standing)
 
     def add(self, *clicks: Click) -> int:
         """Keep a click, or many of one scene and class given at once; returns the number that :meth:`undo` takes back.

@@ -17,8 +17,6 @@ from rm3d_plugin.inference.label_training import TrainingOptions, train_network
 from rm3d_plugin.inference.predict_points import Segmenter
 from rm3d_plugin.inference.scan_kind import Kind, scan_kind
 from rm3d_plugin.labeling.walker import WalkerLabelMaker
-from rm3d_plugin.pseudo_labels.propagation.choose import Choice
-from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.storage.columns import read_columns
 from rm3d_plugin.storage.scans import scan_of_columns
@@ -96,16 +94,8 @@ def _predicted(files: LabelledFiles, scan: Path, network: Segmenter, out: Path) 
     columns = read_columns(scan, files.options.columns)
     cloud = scan_of_columns(columns, scan).cloud
     said = network.predict(network.read(scan), scan.name)
-    found = LabelledScan(
-        semantic=said.semantic,
-        confidence=said.confidence,
-        region=regions_of(cloud),
-        clicks=np.zeros(classes, dtype=np.int64),
-        choice=Choice(DEFAULT, {}),
-        estimate=None,
-        checked=False,
-        seconds=time.perf_counter() - began,
-        method='network',
-    )
+    none, region = np.zeros(classes, dtype=np.int64), regions_of(cloud)
+    seconds = time.perf_counter() - began
+    found = LabelledScan.spread(said.semantic, said.confidence, region, none, 'network', seconds)
     paths = write_scan(scan, columns, cloud, found, files.given, out, files.options.format)
     return WrittenScan(scan, scan_kind(cloud), found, paths)

@@ -17,6 +17,7 @@ from rm3d_plugin.pseudo_labels.propagation import (
 )
 from rm3d_plugin.pseudo_labels.propagation.choose import Choice
 from rm3d_plugin.pseudo_labels.propagation.coarsening import coarsen
+from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT
 from rm3d_plugin.structures import PointCloud
 
 MOST_POINTS = 2_000_000  # that labels spread over; of larger scans so many are drawn, the others follow the nearest
@@ -50,6 +51,19 @@ class LabelledScan:
     seconds: float
     method: str
     network_weight: float = 0.0
+
+    @classmethod
+    def spread(
+        cls,
+        semantic: Int[np.ndarray, ' points'],
+        confidence: Float[np.ndarray, ' points'],
+        region: Int[np.ndarray, ' points'],
+        clicks: Int[np.ndarray, ' classes'],
+        method: str = DEFAULT,
+        seconds: float = 0.0,
+    ) -> 'LabelledScan':
+        """Labels that nothing was left out for."""
+        return cls(semantic, confidence, region, clicks, Choice(DEFAULT, {}), None, False, seconds, method)
 
     def remark(self) -> str:
         """The estimate, or why there is none, and what was taken."""

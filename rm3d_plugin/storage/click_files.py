@@ -3,21 +3,22 @@
 All three hold the same fields. CSV begins with a line that names its columns; JSON is a list of objects. A log
 (``.jsonl``) has one JSON object a line: first ``{"kind": "clicks", "format": 1}``, then ``{"click": 7, "scene": ...}``
 for the seventh click, or ``{"undo": 7}``, which takes it back; ``{"click": 8, "scene": ..., "points": [...]}`` labels
-many points at once. Classes are lines, too: ``{"add": "oak", "color": "#2e8b57"}``, ``{"rename": "oak", "to": "tree"}``.
-A line that a crash cut off does not count.
+many points at once. The later of two clicks on one point counts, and one of class null takes labels away. Classes are
+lines, too: ``{"add": "oak", "color": "#2e8b57"}``, ``{"rename": "oak", "to": "tree"}``. A line that a crash cut off
+does not count.
 """
 
 import csv
 import io
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rm3d_plugin.storage.files import read_json, write_json, write_text
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import UNLABELLED, SceneError
 
 COLUMNS = ('scene', 'index', 'x', 'y', 'z', 'class', 'instance')
 LOG_HEAD = {'kind': 'clicks', 'format': 1}
@@ -63,7 +64,8 @@ class LoggedClicks(NamedTuple):
     """What a log says.
 
     Attributes:
-        standing: Number -> its clicks, many where many points were labelled at once; without those taken back.
+        standing: Number -> its clicks, many where many points were labelled at once; without those taken back. Class
+            -1 takes labels away.
         last: Highest number given, 0 before the first.
         size: Bytes of whole lines; what follows was cut off.
         classes: Names that clicks are numbered by.
@@ -153,14 +155,14 @@ def row_of_click(click: Click, classes: Sequence[str]) -> dict[str, Any]:
     Raises:
         ClickFileError: Its class is not among ``classes``.
     """
-    if not 0 <= click.semantic < len(classes):
+    if not (0 <= click.semantic < len(classes) or click.semantic == UNLABELLED):
         raise ClickFileError(f'{click.where}: class: expected a number 0..{len(classes) - 1}, got {click.semantic}')
     row: dict[str, Any] = {'scene': click.scene}
     if click.index is not None:
         row['index'] = click.index
     if click.xyz is not None:
         row |= {name: round(float(value), DECIMALS) for name, value in zip('xyz', click.xyz, strict=True)}
-    row['class'] = classes[click.semantic]
+    row['class'] = None if click.semantic == UNLABELLED else classes[click.semantic]
     return row if click.instance < 0 else {**row, 'instance': click.instance}
 
 
@@ -177,7 +179,7 @@ def row_of_clicks(clicks: Sequence[Click], classes: Sequence[str]) -> dict[str, 
     if any(click.index is None for click in clicks):
         raise ClickFileError(f'{clicks[0].where}: clicks given at once: expected the index of each point')
     row = row_of_click(clicks[0], classes)
-    kept = {name: row[name] for name in ('class', 'instance') if name in row}
+    kept: dict[str, Any] = {name: row[name] for name in ('class', 'instance') if name in row}
     return {'scene': row['scene'], 'points': [click.index for click in clicks], **kept}
 
 
@@ -197,7 +199,7 @@ def click_from_row(where: str, row: Mapping[str, Any], classes: Sequence[str]) -
     numbers = [_number(where, name, cell, float) for name, cell in place] if all(cell for _, cell in place) else None
     return Click(
         scene=cells['scene'],
-        semantic=_class_number(where, cells['class'], classes),
+        semantic=UNLABELLED if _takes_away(row) else _class_number(where, cells['class'], classes),
         instance=max(int(_number(where, 'instance', cells['instance'], int)), -1) if cells['instance'] else -1,
         index=int(_number(where, 'index', cells['index'], int)) if cells['index'] else None,
         xyz=None if numbers is None else (numbers[0], numbers[1], numbers[2]),
@@ -238,9 +240,29 @@ def _csv_rows(path: Path) -> list[Line]:
     return [(f'{path} line {reader.line_num}', row) for row in reader]
 
 
+def latest(clicks: Iterable[Click]) -> list[Click]:
+    """Of clicks on one point the last; those that take a label away are left out."""
+    out: dict[tuple[str, int | str], Click] = {}
+    for click in clicks:
+        key = (click.scene, click.where if click.index is None else click.index)
+        out.pop(key, None)
+        out[key] = click
+    return [click for click in out.values() if click.semantic >= 0]
+
+
 def _log_rows(path: Path) -> list[Line]:
     standing = _followed(path, _log_lines(path)[0]).standing
-    return [each for line in standing.values() for each in _expanded(line)]
+    rows: dict[tuple[Any, ...], Line] = {}
+    for line in standing.values():
+        for where, row in _expanded(line):
+            key = (row.get('scene'), row.get('index', where))
+            rows.pop(key, None)
+            rows[key] = (where, row)
+    return [line for line in rows.values() if not _takes_away(line[1])]
+
+
+def _takes_away(row: Mapping[str, Any]) -> bool:
+    return 'class' in row and row['class'] is None
 
 
 def _expanded(line: Line) -> list[Line]:

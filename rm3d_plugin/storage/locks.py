@@ -23,7 +23,18 @@ def folder_lock(folder: str | Path) -> Iterator[None]:
     Raises:
         FolderInUseError: A living process holds the lock.
     """
-    path = Path(folder) / LOCK
+    with process_lock(Path(folder) / LOCK):
+        yield
+
+
+@contextmanager
+def process_lock(path: str | Path) -> Iterator[None]:
+    """The same by a file of any name.
+
+    Raises:
+        FolderInUseError: A living process holds the lock.
+    """
+    path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     own = f'{os.getpid()} {_started(os.getpid())} {socket.gethostname()}'
     with path.open('a+', encoding='utf-8') as file:
@@ -32,8 +43,8 @@ def folder_lock(folder: str | Path) -> Iterator[None]:
         holder = file.read().strip()
         if _lives(holder) and holder != own:
             raise FolderInUseError(
-                f'{folder}: process {holder.split()[0]} on {holder.split()[2]} works there ({path.name}); wait, choose '
-                'another folder, or remove that file if no such process runs'
+                f'{path.parent}: process {holder.split()[0]} on {holder.split()[2]} works there ({path.name}); wait, '
+                'choose another folder, or remove that file if no such process runs'
             )
         file.seek(0)
         file.truncate()

@@ -3,7 +3,7 @@ import os
 
 import numpy as np
 import pytest
-from corner_scan import FLOOR, WALL, corner, few, write_clicks_csv
+from reference.corner_scan import FLOOR, WALL, corner, few, write_clicks_csv
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.given_labels import clicked_labels, field_labels

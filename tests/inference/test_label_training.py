@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from corner_scan import corner, few, write_clicks_csv
+from reference.corner_scan import corner, few, write_clicks_csv
 from runs import tiny_runs
 
 from rm3d_plugin.engine.config import ConfigError

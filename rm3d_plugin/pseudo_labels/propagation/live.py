@@ -24,6 +24,7 @@ from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, coarse_grap
 NODES = 6000  # of each graph: a click is answered at once
 STRENGTH = 0.001  # pull of the features, as a share of the usual degree; the same however many clicks there are
 PINNED = 100  # labelled points of a class that are solved for, at most; the others have their label alone
+COLUMNS = 256  # of the inverse that are solved for at once
 JITTER = 1e-9  # of the largest variance, so that two clicks side by side are no trouble
 
 
@@ -77,6 +78,14 @@ class LivePropagation:
         shares[points] = np.eye(num_classes, dtype=np.float32)[classes]
         return LiveAnswer(shares, np.abs(said[0] - said[1]).sum(axis=1) / 2)
 
+    def alike(self, points: Int[np.ndarray, ' asked']) -> Float[np.ndarray, 'asked asked']:
+        """How much a label of one point tells of another over the graphs: correlations in [0, 1], mean of both graphs.
+
+        Args:
+            points: In thousands at most, one solve each.
+        """
+        return np.asarray(sum(graph.correlation(points) for graph in self._graphs) / len(self._graphs))
+
 
 class _Graph:
     """A graph whose screened Laplacian is factored, and the columns of its inverse at labels so far."""
@@ -116,6 +125,14 @@ class _Graph:
             shares = self._pinned(normalised(prior * factors), target, pinned, columns, factor)
         return normalised(np.maximum(shares, 0.0)).astype(np.float32)[self._node]
 
+    def correlation(self, points: Int[np.ndarray, ' asked']) -> Float[np.ndarray, 'asked asked']:
+        """Of the answers at points, before any label is known."""
+        nodes = self._node[points]
+        parts = np.array_split(np.arange(len(nodes)), max(-(-len(nodes) // COLUMNS), 1))
+        own = np.concatenate([self._solve(_columns(len(self._pull), nodes[part]))[nodes].T for part in parts])
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(own), 1e-300))
+        return np.asarray((own + own.T) / 2 * scale[:, None] * scale)
+
     def _pinned(
         self,
         prior: Float[np.ndarray, 'nodes classes'],
@@ -130,7 +147,13 @@ class _Graph:
     def _columns_of(self, nodes: Int[np.ndarray, ' asked']) -> Float[np.ndarray, 'nodes asked']:
         fresh = np.array([node for node in nodes.tolist() if node not in self._columns], dtype=np.int64)
         if len(fresh):
-            one = np.zeros((len(self._pull), len(fresh)))
-            one[fresh, np.arange(len(fresh))] = 1.0
-            self._columns |= dict(zip(fresh.tolist(), self._solve(one).T, strict=True))
+            solved = self._solve(_columns(len(self._pull), fresh))
+            self._columns |= dict(zip(fresh.tolist(), solved.T, strict=True))
         return np.stack([self._columns[node] for node in nodes.tolist()], axis=1)
+
+
+def _columns(nodes: int, asked: Int[np.ndarray, ' asked']) -> Float[np.ndarray, 'nodes asked']:
+    """Columns of the identity."""
+    out = np.zeros((nodes, len(asked)))
+    out[asked, np.arange(len(asked))] = 1.0
+    return out

@@ -1,0 +1,138 @@
+"""A scan that is being labelled: what is computed once, and what every click changes."""
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+
+from rm3d_plugin.annotation.suggestions import Suggester, Suggestion
+from rm3d_plugin.inference.label_scan import (
+    LabelledScan,
+    at_all_points,
+    drawn_points,
+    label_prepared,
+    nearest_drawn,
+    regions_of_prepared,
+)
+from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud, prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation.live import LiveAnswer, LivePropagation
+from rm3d_plugin.storage.columns import read_columns
+from rm3d_plugin.storage.scans import scan_of_columns
+from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
+
+MOST_POINTS = 1_000_000  # that labels spread over while one clicks; of larger scans so many are drawn
+
+
+class AnnotatedScan:
+    """A scan, its graph, and what labels say of its points.
+
+    Args:
+        path: The file.
+        columns: See :func:`rm3d_plugin.storage.scans.read_scan`.
+
+    Raises:
+        SceneError: The scan cannot be read, or has no point.
+    """
+
+    def __init__(self, path: Path, columns: str | None = None) -> None:
+        self.path, self.columns = path, read_columns(path, columns)
+        self.cloud: PointCloud = scan_of_columns(self.columns, path).cloud
+        if not len(self.cloud):
+            raise SceneError(f'{path}: has no point to label')
+        self._annotated = np.full(len(self.cloud), UNLABELLED, dtype=np.int64)
+        self._suggested: set[int] = set()
+        self._drawn = drawn_points(len(self.cloud), np.zeros(0, dtype=np.int64), MOST_POINTS)
+
+    # ------------------------------------------------------------------ computed once
+
+    @cached_property
+    def scene(self) -> PreparedCloud:
+        """Graph and features of the points that labels spread over: all, or those that were drawn."""
+        whole = len(self._drawn) == len(self.cloud)
+        return prepare_cloud(self.cloud if whole else self.cloud.select(self._drawn))
+
+    @cached_property
+    def region(self) -> Int[np.ndarray, ' points']:
+        """Region of each point."""
+        return regions_of_prepared(self.scene)[self._nearest]
+
+    @cached_property
+    def _nearest(self) -> Int[np.ndarray, ' points']:
+        """Which drawn point stands for each."""
+        whole = len(self._drawn) == len(self.cloud)
+        return np.arange(len(self.cloud)) if whole else nearest_drawn(self.cloud, self._drawn)
+
+    @cached_property
+    def _live(self) -> LivePropagation:
+        return LivePropagation(self.scene)
+
+    @cached_property
+    def _suggester(self) -> Suggester:
+        return Suggester(self._live)
+
+    # ------------------------------------------------------------------ labels
+
+    @property
+    def annotated(self) -> Int[np.ndarray, ' points']:
+        """Class of each labelled point, -1 elsewhere."""
+        return self._annotated
+
+    def set_labels(self, annotated: Int[np.ndarray, ' points']) -> None:
+        """Labels that stand now, in place of those before.
+
+        Args:
+            annotated: Class of each point, -1 = unlabelled.
+        """
+        self._annotated = annotated
+
+    def live(self, num_classes: int) -> LabelledScan:
+        """What the labels say of every point, at once; near to :meth:`settled`."""
+        points, classes = self._on_drawn()
+        answer = self._live.answer(points, classes, num_classes)
+        said, known = answer.shares.argmax(axis=1), answer.shares.sum(axis=1) > 0
+        semantic = np.where(known, said, UNLABELLED)[self._nearest]
+        confidence = answer.shares.max(axis=1, initial=0.0)[self._nearest]
+        labelled = self._annotated >= 0
+        semantic[labelled], confidence[labelled] = self._annotated[labelled], 1.0
+        return LabelledScan.spread(semantic, confidence, self.region, self._counts(num_classes))
+
+    def settled(self, num_classes: int, check: bool = True) -> LabelledScan:
+        """What is written in the end: :func:`~rm3d_plugin.inference.label_scan.label_scan`, in seconds.
+
+        Args:
+            num_classes: Number of classes.
+            check: Leave labels out, for the estimate.
+        """
+        labelled = np.flatnonzero(self._annotated >= 0)
+        if not len(labelled):
+            return self.live(num_classes)
+        on_drawn = np.full(len(self._drawn), UNLABELLED, dtype=np.int64)
+        points, classes = self._on_drawn()
+        on_drawn[points] = classes
+        found = label_prepared(self.scene, on_drawn, num_classes, check, 0, Beside())
+        found = at_all_points(found, self.cloud, self._drawn)
+        found.semantic[labelled], found.confidence[labelled] = self._annotated[labelled], 1.0
+        return found
+
+    def suggest(self, num_classes: int, count: int = 1) -> list[Suggestion]:
+        """Points whose label would tell most; a place is suggested once.
+
+        Args:
+            num_classes: Number of classes.
+            count: How many.
+        """
+        points, classes = self._on_drawn()
+        answer: LiveAnswer = self._live.answer(points, classes, num_classes)
+        found = self._suggester.suggest(answer, points, classes, self._suggested, count)
+        self._suggested |= {each.point for each in found}
+        return [each._replace(point=int(self._drawn[each.point])) for each in found]
+
+    def _on_drawn(self) -> tuple[Int[np.ndarray, ' labelled'], Int[np.ndarray, ' labelled']]:
+        """Labelled points as drawn ones, each once: a point that was not drawn labels the one that stands for it."""
+        labelled = np.flatnonzero(self._annotated >= 0)
+        points, first = np.unique(self._nearest[labelled], return_index=True)
+        return points, self._annotated[labelled][first]
+
+    def _counts(self, num_classes: int) -> Int[np.ndarray, ' classes']:
+        return np.bincount(self._annotated[self._annotated >= 0], minlength=num_classes)

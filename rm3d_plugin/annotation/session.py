@@ -1,0 +1,296 @@
+"""A person labels scans: clicks in, labels out; every action is on the disk when it is answered."""
+
+import contextlib
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+
+from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
+from rm3d_plugin.annotation.click_log import ClickLog
+from rm3d_plugin.annotation.suggestions import Suggestion
+from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
+from rm3d_plugin.inference.label_files import SAME, LabelOptions, check_outputs, write_scan
+from rm3d_plugin.inference.label_scan import LabelledScan
+from rm3d_plugin.inference.predict import check_names
+from rm3d_plugin.label_budgets.clicks import resolve_clicks
+from rm3d_plugin.storage import Click, ClickFileError, read_clicks, write_clicks
+from rm3d_plugin.storage.locks import process_lock
+from rm3d_plugin.structures import UNLABELLED, SceneError
+from rm3d_plugin.visualization.palette import class_color
+
+NO_CLASS = 'a click needs a class: add one first'
+
+
+class Session:
+    """Scans that are labelled together; one process at a time.
+
+    Args:
+        scans: Files that can be read, each of another name.
+        log: The ``.jsonl`` file of the clicks; a session that is there is taken up. None: ``NAME.clicks.jsonl`` beside
+            the only scan, ``clicks.jsonl`` beside the first of several.
+        classes: Names of classes that are there from the start.
+        columns: What the columns of tables hold, see :func:`rm3d_plugin.storage.scans.read_scan`.
+
+    Raises:
+        ConfigError: Two scans have one name.
+        ClickFileError: The log cannot be used, or holds clicks of another scan.
+        FolderInUseError: Another session writes the log.
+        SceneError: There is no scan.
+    """
+
+    def __init__(
+        self, scans: Sequence[Path], log: Path | None = None, classes: Sequence[str] = (), columns: str | None = None
+    ) -> None:
+        if not scans:
+            raise SceneError('a session needs a scan, got none')
+        check_names(scans, [scan.stem for scan in scans])
+        self._paths = {scan.stem: Path(scan) for scan in scans}
+        self._columns, self._open = columns, dict[str, AnnotatedScan]()
+        path = log or default_log(scans)
+        self._lock = contextlib.ExitStack()
+        self._lock.enter_context(process_lock(path.with_name(path.name + '.lock')))
+        try:
+            self.log = ClickLog(path)
+            self._check_scenes()
+            for name in classes:
+                if name not in self.log.classes:
+                    self.add_class(name)
+        except BaseException:
+            self.close()
+            raise
+        self._done: list[list[int]] = [[number] for number in self.log.numbers]
+        self._undone: list[list[list[Click]]] = []
+
+    def close(self) -> None:
+        """Let other sessions write the log; nothing is left to be saved."""
+        self._lock.close()
+
+    def __enter__(self) -> 'Session':
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------ scans and classes
+
+    @property
+    def scans(self) -> list[str]:
+        """Names of the scans."""
+        return list(self._paths)
+
+    def scan(self, name: str) -> AnnotatedScan:
+        """A scan, read at first use.
+
+        Raises:
+            SceneError: There is no such scan, or it cannot be read.
+            BudgetError: A click of the log is on no point of it.
+        """
+        if name not in self._paths:
+            raise SceneError(f'no scan {name!r} in this session; it has {", ".join(self._paths)}')
+        if name not in self._open:
+            scan = AnnotatedScan(self._paths[name], self._columns)
+            self._open[name] = scan
+            self._tell([name])
+        return self._open[name]
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of the classes; a class keeps its number."""
+        return self.log.classes
+
+    def color(self, name: str) -> str:
+        """Colour of a class as ``#rrggbb``: its own, or one by its number."""
+        return self.log.colors.get(name) or class_color(self.classes.index(name))
+
+    def add_class(self, name: str, color: str | None = None) -> int:
+        """Name a class, or give it another colour; returns its number.
+
+        Raises:
+            ClickFileError: The name is empty.
+        """
+        return self.log.add_class(name, color)
+
+    def rename_class(self, old: str, new: str) -> None:
+        """Give a class another name.
+
+        Raises:
+            ClickFileError: There is no such class, or the new name is taken.
+        """
+        self.log.rename_class(old, new)
+
+    # ------------------------------------------------------------------ actions
+
+    def click(self, scan: str, point: int, name: str, instance: int = -1) -> None:
+        """Label a point, whatever it was labelled before.
+
+        Args:
+            scan: Name of the scan.
+            point: Number in its file.
+            name: Of the class.
+            instance: Number of the object, -1 = none.
+
+        Raises:
+            SceneError: There is no such scan or point.
+            ClickFileError: There is no such class, or the line cannot be written.
+        """
+        self.brush(scan, [point], name, instance)
+
+    def region(self, scan: str, point: int, name: str, instance: int = -1) -> None:
+        """Label the whole region that a point lies in; see :meth:`click`."""
+        self._check_points(scan, [point])
+        region = self.scan(scan).region
+        self.brush(scan, np.flatnonzero(region == region[point]).tolist(), name, instance)
+
+    def brush(self, scan: str, points: Iterable[int], name: str, instance: int = -1) -> None:
+        """Label many points at once, one action; see :meth:`click`."""
+        if name not in self.classes:
+            known = ', '.join(self.classes)
+            raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
+        numbers = sorted(set(points))
+        self._check_points(scan, numbers)
+        number = self.classes.index(name)
+        self._act([[Click(scan, number, instance, index=point) for point in numbers]])
+
+    def erase(self, scan: str, points: Iterable[int]) -> None:
+        """Take the labels of points away, one action; points without a label stay so."""
+        numbers = sorted(set(points))
+        self._check_points(scan, numbers)
+        self._act([[Click(scan, UNLABELLED, index=point) for point in numbers]])
+
+    def undo(self) -> bool:
+        """Take the latest action back; False where there is none."""
+        if not self._done:
+            return False
+        taken = [self.log.undo(number) for number in reversed(self._done.pop())]
+        self._undone.append(taken[::-1])
+        self._tell({clicks[0].scene for clicks in taken})
+        return True
+
+    def redo(self) -> bool:
+        """Do again what was taken back; False where there is nothing."""
+        if not self._undone:
+            return False
+        groups = self._undone.pop()
+        self._done.append([self.log.add(*clicks) for clicks in groups])
+        self._tell({clicks[0].scene for clicks in groups})
+        return True
+
+    # ------------------------------------------------------------------ answers
+
+    def labels(self, scan: str) -> LabelledScan:
+        """Class, confidence and region of every point, at once: what is shown while one clicks."""
+        return self.scan(scan).live(len(self.classes))
+
+    def settled(self, scan: str, check: bool = True) -> LabelledScan:
+        """Class, confidence and region of every point as :meth:`save` writes them, with the estimate; in seconds."""
+        return self.scan(scan).settled(len(self.classes), check)
+
+    def suggest(self, scan: str, count: int = 1) -> list[Suggestion]:
+        """Points whose label would tell most, with reasons; a place is suggested once in a session."""
+        return self.scan(scan).suggest(len(self.classes), count)
+
+    def save(self, out: Path, kind: str = SAME) -> list[Path]:
+        """Write every scan that has a label with its classes, confidences and regions; returns the files.
+
+        Args:
+            out: Folder.
+            kind: ``same``: the format of the input with all its fields; or one of
+                :data:`rm3d_plugin.inference.predict_formats.FORMATS`.
+
+        Raises:
+            ConfigError: A file would replace one that was read, or the format is not known.
+            SceneError: Nothing is labelled.
+        """
+        labelled = [name for name in self.scans if self._clicks_of(name)]
+        if not labelled:
+            raise SceneError('nothing to save: no point is labelled yet')
+        check_outputs([self._paths[name] for name in labelled], [self.log.path], out, LabelOptions(format=kind))
+        files: list[Path] = []
+        for name in labelled:
+            scan = self.scan(name)
+            found = self.settled(name, check=False)
+            files += write_scan(scan.path, scan.columns, scan.cloud, found, self._given(name), out, kind)
+        return files
+
+    # ------------------------------------------------------------------ clicks of other programs
+
+    def import_clicks(self, path: Path) -> int:
+        """Take over clicks of a file (CSV, JSON or a log), one action; returns how many.
+
+        Raises:
+            ClickFileError, BudgetError: The file cannot be used, or a click is on no point of its scan.
+        """
+        clicks = read_clicks(path, self.classes)
+        unknown = sorted({click.scene for click in clicks} - set(self._paths))
+        if unknown:
+            raise ClickFileError(f'{path}: scene {unknown[0]!r} is none of the scans: {", ".join(self._paths)}')
+        groups: dict[tuple[str, int, int], list[Click]] = {}
+        for scene in dict.fromkeys(click.scene for click in clicks):
+            own = [click for click in clicks if click.scene == scene]
+            found = resolve_clicks(own, self.scan(scene).cloud)
+            for point, semantic, instance in zip(*(each.tolist() for each in found), strict=True):
+                same = groups.setdefault((scene, semantic, instance), [])
+                same.append(Click(scene, semantic, instance, index=point))
+        self._act(list(groups.values()))
+        return sum(map(len, groups.values()))
+
+    def export_clicks(self, path: Path) -> Path:
+        """Write the clicks that stand, with the place of each in world coordinates: CSV, JSON or a log."""
+        placed = [replace(click, xyz=self._place(click)) for click in self.log.clicks]
+        write_clicks(path, placed, self.classes)
+        return path
+
+    # ------------------------------------------------------------------ inside
+
+    def _check_scenes(self) -> None:
+        for click in self.log.clicks:
+            if click.scene not in self._paths:
+                raise ClickFileError(
+                    f'{self.log.path}: holds clicks of scan {click.scene!r}, which is none of the scans: '
+                    f'{", ".join(self._paths)}; open that scan, too, or give another log'
+                )
+
+    def _check_points(self, scan: str, points: Sequence[int]) -> None:
+        count = len(self.scan(scan).cloud)
+        wrong = [point for point in points if not 0 <= point < count]
+        if wrong or not points:
+            got = f'point {wrong[0]}' if wrong else 'no point'
+            raise SceneError(f'scan {scan}: expected points 0..{count - 1}, got {got}')
+
+    def _act(self, groups: list[list[Click]]) -> None:
+        self._done.append([self.log.add(*clicks) for clicks in groups])
+        self._undone = []
+        self._tell({clicks[0].scene for clicks in groups})
+
+    def _clicks_of(self, scan: str) -> list[Click]:
+        return [click for click in self.log.clicks if click.scene == scan]
+
+    def _tell(self, scans: Iterable[str]) -> None:
+        """Tell scans that are open which of their points are labelled."""
+        for name in set(scans) & set(self._open):
+            cloud = self._open[name].cloud
+            found = resolve_clicks(self._clicks_of(name), cloud)
+            annotated: Int[np.ndarray, ' points'] = np.full(len(cloud), UNLABELLED, dtype=np.int64)
+            annotated[found.points] = found.semantic
+            self._open[name].set_labels(annotated)
+
+    def _place(self, click: Click) -> tuple[float, float, float] | None:
+        if click.index is None:
+            return click.xyz
+        cloud = self.scan(click.scene).cloud
+        x, y, z = (cloud.xyz[click.index].astype(np.float64) + np.asarray(cloud.origin)).tolist()
+        return x, y, z
+
+    def _given(self, scan: str) -> GivenLabels:
+        points = np.flatnonzero(self.scan(scan).annotated >= 0)
+        labels = {scan: PointLabels(points, self.scan(scan).annotated[points])}
+        return GivenLabels(self.classes, tuple(range(len(self.classes))), labels)
+
+
+def default_log(scans: Sequence[Path]) -> Path:
+    """Where the clicks of scans are kept."""
+    first = Path(scans[0])
+    return first.with_name(f'{first.stem}.clicks.jsonl' if len(scans) == 1 else 'clicks.jsonl')
