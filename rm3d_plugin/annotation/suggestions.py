@@ -52,6 +52,10 @@ class Suggester:
     points and by how doubtful its label is, is the score. Doubtful are shares of other classes, and the chance that it
     is a class that nobody has clicked yet: the share of clicks that are the only one of their class (Good 1953).
 
+    Attributes:
+        regions: That may be suggested and stand for all.
+        points: In the middle of each.
+
     Args:
         live: The scan, and how labels spread over it.
     """
@@ -59,12 +63,12 @@ class Suggester:
     def __init__(self, live: LivePropagation) -> None:
         scale: RegionScale = live.scene.scales[-1]
         count = len(scale.sizes)
-        self._kept = np.linspace(0, count - 1, min(count, MOST_REGIONS)).astype(np.int64)
-        self._scale, self._sizes = scale, scale.sizes[self._kept] / max(int(scale.sizes.sum()), 1)
-        self._points = _middles(live.scene.cloud.xyz, scale)[self._kept]
+        self.regions = np.linspace(0, count - 1, min(count, MOST_REGIONS)).astype(np.int64)
+        self._scale, self._sizes = scale, scale.sizes[self.regions] / max(int(scale.sizes.sum()), 1)
+        self.points = _middles(live.scene.cloud.xyz, scale)[self.regions]
         self._rows = scale.scaling.apply(scale.features)
-        self._looks = self._alike(self._rows[self._kept])
-        self._graphs = live.alike(self._points)
+        self._looks = self._alike(self._rows[self.regions])
+        self._graphs = live.alike(self.points)
 
     def suggest(
         self,
@@ -84,14 +88,14 @@ class Suggester:
             count: How many.
         """
         clicked, out = self._nearest_kept(points), list[Suggestion]()
-        closed = np.isin(self._points, list(taken)) | np.isin(self._kept, self._scale.region[points])
+        closed = np.isin(self.points, list(taken)) | np.isin(self.regions, self._scale.region[points])
         for _ in range(count):
             doubt = self._doubt(answer, clicked, classes)
             score = np.where(closed, -1.0, self._told(self._sizes * (doubt.mixed + doubt.unknown), clicked))
             best = int(score.argmax()) if len(score) else -1
             if best < 0 or closed[best]:
                 break
-            out.append(Suggestion(int(self._points[best]), _reason(doubt, best, len(clicked)), float(score[best])))
+            out.append(Suggestion(int(self.points[best]), _reason(doubt, best, len(clicked)), float(score[best])))
             closed[best], clicked = True, np.append(clicked, best)
         return out
 
@@ -110,9 +114,9 @@ class Suggester:
         self, answer: LiveAnswer, clicked: Int[np.ndarray, ' clicked'], classes: Int[np.ndarray, ' labelled']
     ) -> _Doubt:
         if not len(clicked):
-            ones = np.ones(len(self._kept))
+            ones = np.ones(len(self.regions))
             return _Doubt(0.0 * ones, ones, ones, 1.0)
-        mean = self._scale.mean(answer.shares)[self._kept]
+        mean = self._scale.mean(answer.shares)[self.regions]
         only = int(np.count_nonzero(np.bincount(classes) == 1))
         near = self._looks[:, clicked].max(axis=1), self._graphs[:, clicked].max(axis=1)
         unknown = max(only, 1) / max(len(classes), 1)
@@ -123,7 +127,7 @@ class Suggester:
         rows = self._rows[self._scale.region[points]]
         if not len(rows):
             return np.zeros(0, dtype=np.int64)
-        return np.asarray(self._alike(rows, self._rows[self._kept]).argmax(axis=1))
+        return np.asarray(self._alike(rows, self._rows[self.regions]).argmax(axis=1))
 
     @staticmethod
     def _alike(

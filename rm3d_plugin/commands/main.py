@@ -16,6 +16,7 @@ NAMES = (
     'test',
     'predict',
     'label',
+    'annotate',
     'prepare',
     'draw_labels',
     'oversegment',

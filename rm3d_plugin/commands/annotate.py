@@ -1,0 +1,66 @@
+"""Label scans by clicks in a browser: labels spread at once, and the next click is suggested."""
+
+import argparse
+import time
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+
+from rm3d_plugin.annotation.demo_room import write_demo_room
+from rm3d_plugin.annotation.session import Session
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.inference.predict import find_scans
+from rm3d_plugin.storage.columns import ENDINGS
+
+EXAMPLES = """examples:
+  rm3d annotate street.laz --classes road building tree car
+  rm3d annotate scans/ --log clicks.jsonl --out labelled/
+  rm3d annotate --demo
+
+Every click is on the disk when it is answered: start the command again to go on.
+The page is on this machine alone; from another one: ssh -L 8080:127.0.0.1:8080 HOST"""
+DEMO = Path('data/annotate_demo')
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Open a session and its page, until Ctrl-C."""
+    args = _parser().parse_args(arguments)
+    if args.demo == bool(args.scans):
+        raise ConfigError('annotate: expected scans, or --demo')
+    try:
+        from rm3d_plugin.annotation.page import AnnotationPage
+    except ModuleNotFoundError as error:
+        raise ConfigError(f'annotate: needs {error.name}: pip install "rm3d_plugin[annotate]"') from error
+    scans = [write_demo_room(DEMO)] if args.demo else find_scans(args.scans, ENDINGS)
+    out = args.out or scans[0].parent / 'labelled'
+    with Session(scans, args.log, args.classes, args.columns) as session:
+        print(f'{len(scans)} scans; clicks: {session.log.path}; labels: {out}', flush=True)
+        print('neighbours and features of the first scan ...', flush=True)
+        page = AnnotationPage(session, out, args.port)
+        print(f'{page.url}   (Ctrl-C ends; every click is kept)', flush=True)
+        if not args.no_browser:
+            webbrowser.open(page.url)
+        try:
+            while True:
+                time.sleep(1.0)
+        finally:
+            page.stop()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='rm3d annotate', description=__doc__, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument('scans', nargs='*', type=Path, help=f'scans, or folders of them: {" ".join(ENDINGS)}')
+    parser.add_argument('--demo', action='store_true', help=f'a made-up room, written to {DEMO}')
+    parser.add_argument(
+        '--classes', nargs='+', default=[], metavar='NAME', help='there from the start; more on the page'
+    )
+    parser.add_argument(
+        '--log', type=Path, metavar='FILE', help='.jsonl of the clicks; default SCAN.clicks.jsonl beside the scan'
+    )
+    parser.add_argument('--out', type=Path, metavar='FOLDER', help='for the labelled scans; default labelled/ beside')
+    parser.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
+    parser.add_argument('--port', type=int, default=8080, help='of the page; the next free one; default 8080')
+    parser.add_argument('--no-browser', action='store_true', help='print where the page is, open none')
+    return parser
