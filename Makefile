@@ -5,18 +5,21 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 DEMO := rm3d_votenet_kitti_1pct
 
-.PHONY: setup demo test fuzz lint types layers bench docs clean
+.PHONY: setup demo annotate test fuzz lint types layers bench docs clean
 
 setup: $(STAMP)
 
 $(STAMP): setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet -c constraints.txt 'setuptools>=77.0.3,<82' wheel
-	$(BIN)/pip install --quiet -c constraints.txt --no-build-isolation -e '.[test,docs,las]'
+	$(BIN)/pip install --quiet -c constraints.txt --no-build-isolation -e '.[test,docs,las,annotate]'
 	touch $(STAMP)
 
 demo: $(STAMP)
 	$(BIN)/rm3d train $(DEMO) --demo
+
+annotate: $(STAMP)
+	$(BIN)/rm3d annotate --demo --classes floor wall chair table
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -q

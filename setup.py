@@ -49,9 +49,11 @@ setup(
             'mypy>=1.14',
             'import-linter>=2.1',
             'dask[distributed]>=2024.8',  # preparation on a cluster
+            'playwright>=1.45',  # the page of annotate in a browser, where there is one
         ],
         'docs': ['mkdocs-material>=9.5'],
         'superpoints': ['cut-pursuit-py>=1.0.12'],  # solver of the over-segmenter CutPursuit (MIT)
+        'annotate': ['viser>=1.1,<2'],  # the page on which scans are labelled
         'las': ['laspy[lazrs]>=2.5'],  # LAS and LAZ scans
         'peers': ['open3d-cpu==0.20.0'],  # only compared with, in tests and benchmarks; needs libusb and libGL
     },

@@ -9,6 +9,7 @@ import numba
 import torch
 
 from rm3d_plugin.experiments.benchmarks import (
+    clicks_to_quality,
     descriptors,
     first_call,
     large_scene,
@@ -30,6 +31,7 @@ BENCHMARKS = (
     large_scene,
     first_call,
     propagate_clicks,
+    clicks_to_quality,
 )
 
 

@@ -1,0 +1,62 @@
+"""``rm3d annotate`` without a page: what it refuses; and the annotator that is made up to measure it."""
+
+import sys
+
+import numpy as np
+import pytest
+from reference.corner_scan import corner
+
+from rm3d_plugin.annotation.demo_room import write_demo_room
+from rm3d_plugin.annotation.suggestions import Suggester
+from rm3d_plugin.commands.annotate import main
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.experiments.benchmarks import clicks_to_quality as bench
+from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan
+from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation.live import LivePropagation
+from rm3d_plugin.storage.ply import read_ply
+from rm3d_plugin.structures import PointCloud
+
+
+@pytest.mark.parametrize('words', [[], ['scan.ply', '--demo']])
+def test_it_wants_scans_or_the_demo(words):
+    with pytest.raises(ConfigError, match='expected scans, or --demo'):
+        main(words)
+
+
+def test_it_says_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, 'viser', None)
+    monkeypatch.delitem(sys.modules, 'rm3d_plugin.annotation.page', raising=False)
+    with pytest.raises(ConfigError, match=r'needs viser.*: pip install "rm3d_plugin\[annotate\]"'):
+        main([str(tmp_path / 'scan.ply')])
+
+
+def test_the_demo_room_is_written_once(tmp_path, monkeypatch):
+    room = type('Room', (), {'aligned': np.zeros((9, 3)), 'colors': np.full((9, 3), 7), '__len__': lambda self: 9})()
+    monkeypatch.setattr('rm3d_plugin.annotation.demo_room.make_room', lambda *arguments: room)
+    path = write_demo_room(tmp_path / 'demo')
+    assert read_ply(path)['red'].tolist() == [7] * 9
+    path.write_text('mine')
+    assert write_demo_room(tmp_path / 'demo').read_text() == 'mine'
+
+
+def test_the_annotator_clicks_as_told_and_is_scored_on_known_points():
+    xyz, semantic = corner()
+    semantic = semantic.copy()
+    semantic[::7] = -1
+    scan = Scan('corner', PointCloud(xyz), semantic)
+    live = LivePropagation(prepare_cloud(scan.cloud))
+    curves = {name: curve for name, _, curve in bench.curves_of(scan, list(bench.SCORES), [0], 6)}
+    assert set(curves) == {*bench.SCORES, bench.NEAREST} and all(len(curve) == 6 for curve in curves.values())
+    assert curves['ours'][1] > 85 > 70 > curves['ours'][0]  # the second click is on the other class
+    suggester = Suggester(live)
+    clicked = bench.clicked_points(scan, live, bench.choose_by('ours', scan, live, suggester, 0), 6, 0)
+    assert len(set(clicked.tolist())) == 6 and (semantic[clicked] >= 0).all()
+    said = live.answer(np.sort(clicked), semantic[np.sort(clicked)], 2).shares.argmax(axis=1)
+    right = np.mean([said[i] == semantic[i] for i in range(len(xyz)) if semantic[i] >= 0])
+    assert curves['ours'][-1] == pytest.approx(100 * right)
+
+
+def test_goals_that_most_runs_miss_are_said_to_be_over():
+    curves = np.array([[50.0, 85, 85, 95], [60, 70, 75, 78], [65, 71, 72, 73]])
+    assert bench.summary(curves) == {'clicks to 70 %': 2.0, 'clicks to 80 %': 'over 4', 'clicks to 90 %': 'over 4'}
