@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.ops.segment import scatter_rows
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import SceneError, evaluated_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,12 @@ def numpy_of(values: Any) -> np.ndarray:
 
 
 def fields_of(sample: Any, needed: Sequence[str], metric: str) -> Mapping[str, Any]:
-    """The fields of a sample.
+    """The fields of a sample of ours or of mmdetection3d, with the truth that it is evaluated against.
 
     Raises:
         SceneError: One of ``needed`` is absent.
     """
-    fields: Mapping[str, Any] = sample if isinstance(sample, Mapping) else sample.to_dict()
+    fields = evaluated_fields(sample)
     if missing := [name for name in needed if fields.get(name) is None]:
         raise SceneError(
             f'{metric}: scene {fields.get("scene_id", "")}: the sample has no {", ".join(missing)}; the model writes '
