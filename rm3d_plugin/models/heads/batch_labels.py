@@ -81,7 +81,10 @@ def _with_masks(sample: Any, xyz: Float[Tensor, 'points 3'], num_classes: int) -
 
 
 def join_labels(
-    samples: Sequence[Any], batch_offsets: Int[Tensor, ' scenes_and_one'], xyz: Float[Tensor, 'points 3'], num_classes: int
+    samples: Sequence[Any],
+    batch_offsets: Int[Tensor, ' scenes_and_one'],
+    xyz: Float[Tensor, 'points 3'],
+    num_classes: int,
 ) -> BatchLabels:
     """Join the labels of the samples of a batch.
 
