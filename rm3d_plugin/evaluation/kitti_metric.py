@@ -31,7 +31,7 @@ from rm3d_plugin.evaluation.kitti_table import format_table, kitti_records
 from rm3d_plugin.evaluation.point_fields import class_names, numpy_of
 from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord
 from rm3d_plugin.registry import METRICS as METRIC_REGISTRY
-from rm3d_plugin.structures import Boxes3D, SceneError
+from rm3d_plugin.structures import Boxes3D, SceneError, evaluated_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +118,7 @@ class KittiMetric(RecordedMetric):
     def process(self, data_batch: Any, data_samples: Sequence[Any]) -> None:
         """Keep both sides of every frame of a batch."""
         for sample in data_samples:
-            fields = sample if isinstance(sample, Mapping) else sample.to_dict()
-            self.results.append(self._frame(fields))
+            self.results.append(self._frame(evaluated_fields(sample)))
 
     def score(self, results: list[FrameResult]) -> list[ScoreRecord]:
         """The numbers over all frames; the table goes to the log."""

@@ -125,6 +125,12 @@ def class_names(classes: Sequence[str] | None, meta: Mapping[str, Any] | None, m
     return tuple(names)
 
 
+def ignored_values(ignored: Sequence[int], meta: Mapping[str, Any] | None) -> tuple[int, ...]:
+    """True values that do not count: those of the metric, and ``ignore_index`` of a data set of mmdetection3d."""
+    further = (meta or {}).get('ignore_index')
+    return (*ignored, int(further)) if isinstance(further, int | np.integer) else tuple(ignored)
+
+
 def chosen_classes(
     chosen: Sequence[int | str] | None, names: Sequence[str], meta: Mapping[str, Any] | None, metric: str
 ) -> tuple[int, ...]:

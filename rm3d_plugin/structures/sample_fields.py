@@ -100,8 +100,9 @@ def nest_predictions(sample: BaseDataElement) -> None:
 
 
 def _boxes_like(sample: BaseDataElement, rows: Any) -> Any:
-    kind = sample.metainfo.get('box_type_3d') or type(_items(sample.get('gt_instances_3d')).get('bboxes_3d'))
-    return rows if kind is type(None) else kind(rows, box_dim=7, origin=(0.5, 0.5, 0.5))
+    given = _items(sample.get('gt_instances_3d')).get('bboxes_3d')
+    kind: Any = sample.metainfo.get('box_type_3d') or (None if given is None else type(given))
+    return rows if kind is None else kind(rows, box_dim=7, origin=(0.5, 0.5, 0.5))
 
 
 def _items(element: Any) -> Mapping[str, Any]:
