@@ -10,6 +10,7 @@ from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.structures import Boxes3D, SceneError, sample_fields
 
+_POINTS = ('pred_point_probs', 'pred_point_centers')
 _SLACK = 0.05  # sums of half-precision probabilities are off by so much
 
 
@@ -34,7 +35,7 @@ def scene_prediction(sample: Any) -> tuple[str, PointPrediction]:
     _check_probabilities(probs, scene)
     index = _rows(fields['point_index']).astype(np.int64) if 'point_index' in fields else np.arange(len(probs))
     total = int(fields.get('num_points', len(probs)))
-    rows = {name: _rows(fields[name]) for name in ('pred_point_probs', 'pred_point_centers') if name in fields}
+    rows: dict[str, np.ndarray] = {name: _rows(fields[name]) for name in _POINTS if name in fields}
     _check_rows(rows, index, total, scene)
     scattered = {name: scatter_rows(values, index, total, fill=np.nan) for name, values in rows.items()}
     prediction = PointPrediction(scattered['pred_point_probs'], scattered.get('pred_point_centers'), _boxes(fields))

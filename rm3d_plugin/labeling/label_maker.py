@@ -160,6 +160,7 @@ class LabelMaker(ABC):
         """
         sizes = {scene: entry.points for scene, entry in self.store.scenes(0).items()}
         columns = len(self.source.classes) + (self.task == 'detection')
+        what = 'classes, background last' if self.task == 'detection' else 'classes'
         for scene, prediction in predictions:
             if scene not in sizes:
                 raise SceneError(
@@ -168,7 +169,7 @@ class LabelMaker(ABC):
             if (found := prediction.probabilities.shape) != (sizes[scene], columns):
                 raise SceneError(
                     f'scene {scene}: pred_point_probs: expected {sizes[scene]} rows (one a point of the scene) and '
-                    f'{columns} columns (classes{", background last" * (self.task == "detection")}), got {found}; where '
+                    f'{columns} columns ({what}), got {found}; where '
                     'the pipeline drops points, the sample needs point_index and metainfo num_points'
                 )
             yield scene, prediction
