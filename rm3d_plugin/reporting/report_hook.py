@@ -34,8 +34,9 @@ from rm3d_plugin.visualization import Picture, write_report
 class ReportHook(Hook):
     """After training: one self-contained page with scores, curves, labels of each round and pictures.
 
-    It tells of the labels of a :class:`RegionMergeHook`, and of the scores that a ``RunRecordHook`` noted. Pictures need
-    data sets like ours (``rm3d_plugin.datasets.SceneDataset``) and a model that predicts boxes or classes of points.
+    It tells of the labels of a :class:`RegionMergeHook`, and of the scores that a ``RunRecordHook`` noted. Pictures
+    need data sets like ours (``rm3d_plugin.datasets.SceneDataset``) and a model that predicts boxes or classes of
+    points.
 
     Args:
         train_scenes: How many training scenes are shown with regions, pseudo labels and predictions.
@@ -72,9 +73,7 @@ class ReportHook(Hook):
         try:
             self._write(runner, merging)
         except SceneError as error:
-            runner.logger.error(
-                f'report.html is not written: {error}; train_scenes=0, val_scenes=0 leaves pictures out'
-            )
+            runner.logger.error(f'no report.html: {error}; train_scenes=0 and val_scenes=0 leave pictures out')
 
     def _write(self, runner: Runner, merging: list[RegionMergeHook]) -> None:
         label_maker = merging[0].label_maker
