@@ -4,6 +4,7 @@ The stand-ins have the fields, properties and conventions of ``mmdet3d.structure
 middle of their bottom face, ``PointData`` and ``InstanceData`` inside a sample, ``eval_ann_info`` as a dict.
 """
 
+import importlib.machinery
 import importlib.util
 import sys
 import types
@@ -83,6 +84,7 @@ def without_extensions() -> None:
     """Let mmdetection3d be imported beside mmcv-lite, which has no compiled operations."""
     if 'mmcv._ext' not in sys.modules and importlib.util.find_spec('mmcv._ext') is None:
         sys.modules['mmcv._ext'] = _Extensions('mmcv._ext')
+        sys.modules['mmcv._ext'].__spec__ = importlib.machinery.ModuleSpec('mmcv._ext', None)
 
 
 class _Extensions(types.ModuleType):
