@@ -24,6 +24,9 @@ test: $(STAMP)
 fuzz: $(STAMP)
 	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py
 
+faults: $(STAMP)
+	RM3D_FAULTS=25 $(BIN)/python -m pytest -q tests/faults
+
 # mmdetection3d 1.4 beside current torch: without its compiled operations, in an environment of its own.
 mmdet3d:
 	$(PYTHON) -m venv .venv-mmdet3d
