@@ -12,7 +12,8 @@ import math
 import os
 import secrets
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -21,6 +22,7 @@ import numpy as np
 
 from rm3d_plugin.storage.written_files import note_written
 from rm3d_plugin.structures import SceneError
+from rm3d_plugin.user_error import UserError
 
 FORMAT_VERSION = 1
 _HASH, _VERSION = '__sha256__', '__format__'
@@ -28,6 +30,26 @@ _HASH, _VERSION = '__sha256__', '__format__'
 
 class DamagedFileError(SceneError):
     """A file that exists but cannot be trusted; the message names it."""
+
+
+MALFORMED = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError)
+"""What plain values of an unexpected shape raise when they are taken apart."""
+
+
+@contextmanager
+def content_of(path: str | Path, what: str) -> Iterator[None]:
+    """Within it, the content of a file is taken apart.
+
+    Raises:
+        DamagedFileError: The file was readable, but says something else than ``what``.
+    """
+    try:
+        yield
+    except UserError:
+        raise
+    except MALFORMED as error:
+        reason = f'{type(error).__name__}: {error}'
+        raise DamagedFileError(f'{path}: is not {what} ({reason}); delete it and make it again') from error
 
 
 def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path:
@@ -50,6 +72,9 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
             os.fsync(file.fileno())
         note_written(path)
         os.replace(unfinished, path)
+    except OSError as error:  # a full disk names no file
+        error.filename = error.filename or str(path)
+        raise
     finally:
         unfinished.unlink(missing_ok=True)
     _flush_folder(path.parent)

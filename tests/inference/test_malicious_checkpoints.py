@@ -7,7 +7,9 @@ import pytest
 import torch
 from runs.random_segmentor import make_checkpoint
 
+from rm3d_plugin.engine.checkpoint import read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.hooks import SafeCheckpointHook
 from rm3d_plugin.inference.trained import load_network
 
 
@@ -70,6 +72,19 @@ def test_hooks_and_imports_of_a_checkpoint_are_not_looked_at(tmp_path):
         config['custom_hooks'] = [dict(type='os.system', command='false')]
 
     assert load_network(changed(make_checkpoint(tmp_path / 'net.pth'), change)).classes
+
+
+def test_a_config_as_text_is_not_run_on_resuming(tmp_path):
+    """mmengine runs ``meta.config`` of a checkpoint that it resumes."""
+    ran = tmp_path / 'ran'
+    path = make_checkpoint(tmp_path / 'net.pth')
+    state = torch.load(path, weights_only=True)
+    state['meta'] |= {'config': f'open({str(ran)!r}, "w")', 'epoch': 0, 'iter': 0}
+    torch.save(state, path)
+    with pytest.raises(ConfigError, match=r'net\.pth: meta\.config holds a config as Python text, which would run'):
+        read_checkpoint(path)
+    SafeCheckpointHook().after_load_checkpoint(None, state)
+    assert 'config' not in state['meta'] and not ran.exists()
 
 
 def test_pickled_code_is_not_run(tmp_path):
