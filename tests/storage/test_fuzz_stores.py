@@ -37,7 +37,7 @@ from rm3d_plugin.storage.files import read_npz, write_npz
 from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels
 from rm3d_plugin.user_error import UserError
 
-CASES = int(os.environ.get('RM3D_FUZZ', '12'))
+CASES = int(os.environ.get('RM3D_FUZZ', '6'))
 N = 40
 SLACK = 1 << 20  # bytes that a reader may take whatever the size of the file
 
