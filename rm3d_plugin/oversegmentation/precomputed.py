@@ -12,6 +12,7 @@ from jaxtyping import Int
 from rm3d_plugin.oversegmentation.base import Oversegmenter
 from rm3d_plugin.registry import OVERSEGMENTERS
 from rm3d_plugin.storage.files import MALFORMED
+from rm3d_plugin.storage.npy import read_archive, read_npy
 from rm3d_plugin.structures import Descriptors, PointCloud, SceneError
 
 
@@ -64,8 +65,7 @@ def _read(path: Path, scene: str) -> Int[np.ndarray, ' points']:
     if not path.is_file():
         raise SceneError(f'Precomputed: scene {scene!r} has no file {path}; write one for every scene, or mend `files`')
     try:
-        with path.open('rb') as file:  # numpy leaves a damaged one open
-            loaded = np.load(file, allow_pickle=False)
-            return (loaded if path.suffix == '.npy' else loaded['labels']).astype(np.int64, casting='safe')
+        labels = read_npy(path) if path.suffix == '.npy' else read_archive(path)['labels']
+        return labels.astype(np.int64, casting='safe')
     except (*MALFORMED, zipfile.BadZipFile, zlib.error, EOFError, OSError, MemoryError, RuntimeError) as error:
         raise SceneError(f'{path}: expected whole numbers, in .npz as the array `labels` ({error})') from error

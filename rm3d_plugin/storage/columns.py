@@ -1,6 +1,7 @@
 """Any scan file as named columns, and which column plays which part."""
 
 import warnings
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width
 from rm3d_plugin.storage.las import read_las
+from rm3d_plugin.storage.npy import read_archive, read_npy
 from rm3d_plugin.storage.pcd import read_pcd
 from rm3d_plugin.storage.ply import read_ply
 from rm3d_plugin.storage.text_columns import plain_name, read_text_table
@@ -217,18 +219,16 @@ def _bin(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 
 def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    with path.open('rb') as file:
-        table = np.load(file, allow_pickle=False)
-    if not isinstance(table, np.ndarray):
+    if zipfile.is_zipfile(path):
         raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
+    table = read_npy(path)
     if table.dtype.names:
         return {name: table[name].reshape(-1) for name in table.dtype.names}
     return _named(table, path, names)
 
 
 def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    with path.open('rb') as file, np.load(file, allow_pickle=False) as archive:  # numpy leaves a damaged one open
-        arrays = {name: archive[name] for name in archive.files}
+    arrays = read_archive(path)
     first = next((name for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in arrays), None)
     if first is None:
         raise SceneError(f'{path}: holds {sorted(arrays)}; expected xyz (N, 3), points (N, 3 or more), or x, y and z')

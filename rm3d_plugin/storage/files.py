@@ -20,6 +20,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from rm3d_plugin.storage.npy import read_array
 from rm3d_plugin.storage.written_files import note_written
 from rm3d_plugin.structures import SceneError
 from rm3d_plugin.user_error import UserError
@@ -151,12 +152,13 @@ def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Path:
         arrays: Name -> array of numbers, booleans or fixed-length text.
 
     Raises:
-        ValueError: A name is not usable, or an array holds Python objects.
+        SceneError: A name is not usable.
+        ValueError: An array holds Python objects.
     """
     plain = {name: np.asarray(value) for name, value in arrays.items()}
     for name, value in plain.items():
         if not name or '/' in name or '\\' in name or name in (_HASH, _VERSION):
-            raise ValueError(f'{path}: {name!r} cannot name an array')
+            raise SceneError(f'{path}: {name!r} cannot name an array; rename it in the file that it comes from')
         if value.dtype.hasobject:
             raise ValueError(f'{path}: array {name!r} holds Python objects (dtype {value.dtype}); store numbers')
     plain[_VERSION] = np.array(FORMAT_VERSION)
@@ -200,8 +202,7 @@ def read_npz(path: str | Path) -> dict[str, np.ndarray]:
 
 def _entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
     with archive.open(entry) as file:
-        array: np.ndarray = np.lib.format.read_array(file, allow_pickle=False)
-        return array
+        return read_array(file, entry.file_size)
 
 
 def hash_arrays(arrays: Mapping[str, np.ndarray]) -> str:

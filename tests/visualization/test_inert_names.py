@@ -63,7 +63,8 @@ def report_with(name):
     view = SceneView(name, np.eye(3), [Layer('prediction', 'class', np.array([0, 0, -1]), 'prediction')])
     return replace(
         RUN, title=name, notes=[name], summary={name: name}, budget=BudgetSummary(name, name, {name: (1, 2)}, 0),
-        results=[ResultRow(name, name, 1.0, 2.0, 3.0)], charts=[Chart(name, name, name, {name: Series([1, 2], [3, 4])})],
+        results=[ResultRow(name, name, 1.0, 2.0, 3.0)],
+        charts=[Chart(name, name, name, {name: Series([1, 2], [3, 4])})],
         rounds=rounds, pictures=[Picture(name, b'x')], config={name: name}, config_text=name, seconds={name: 3.0},
         views=pack_views([view], (name,)), merges=MergeReport(0, 3, {name: 2}, {name: [row]}),
     )  # fmt: skip
