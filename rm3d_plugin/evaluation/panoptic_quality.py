@@ -45,7 +45,8 @@ class PanopticQuality(RecordedMetric):
 
     Args:
         classes: Names of the class numbers; None: those of the data set.
-        instance_classes: Classes that have instances, by number or name; None: the data set's ``thing_classes``, or all.
+        instance_classes: Classes that have instances, by number or name; None: the data set's
+            ``thing_classes``, or all.
         min_points: Smaller segments are neither missed nor wrong.
         ignored: True values that do not count.
         absent: 'zero' or 'skip' for a class without truth, see :func:`panoptic_scores`.
