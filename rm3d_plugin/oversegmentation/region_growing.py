@@ -128,10 +128,12 @@ def seed_order(
     The lowest 2 permille of curvature that Algorithm 1 starts from are the head of the second group: as each seed grows
     until it stops before the next one starts, they need no group of their own.
     """
-    second = np.ones(len(curvature), dtype=np.bool_)
-    if seeds is not None:
-        second[seeds] = False
-    return np.lexsort((curvature, second))
+    order = np.argsort(curvature, kind='stable')
+    if seeds is None:
+        return order
+    first = np.zeros(len(curvature), dtype=np.bool_)
+    first[seeds] = True
+    return np.concatenate([order[first[order]], order[~first[order]]])
 
 
 @OVERSEGMENTERS.register_module()
