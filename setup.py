@@ -53,6 +53,7 @@ setup(
         'docs': ['mkdocs-material>=9.5'],
         'superpoints': ['cut-pursuit-py>=1.0.12'],  # solver of the over-segmenter CutPursuit (MIT)
         'las': ['laspy[lazrs]>=2.5'],  # LAS and LAZ scans
+        'e57': ['pye57>=0.4.11'],  # E57 scans
         'peers': ['open3d-cpu==0.20.0'],  # only compared with, in tests and benchmarks; needs libusb and libGL
     },
 )

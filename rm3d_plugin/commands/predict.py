@@ -17,7 +17,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         'scans',
         nargs='+',
         type=Path,
-        help='scans, or folders of them; detector: .bin, segmentor: .ply .pcd .las .laz .npy .npz .bin .txt .csv .xyz',
+        help='scans, or folders of them; detector: .bin, segmentor: .ply .pcd .las .laz .e57 .pts .ptx .npy .npz .bin '
+        '.txt .csv .xyz',
     )
     parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
     parser.add_argument(

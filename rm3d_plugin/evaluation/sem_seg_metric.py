@@ -19,10 +19,9 @@ from rm3d_plugin.evaluation.point_fields import (
     fields_of,
     format_columns,
     ignored_values,
-    numpy_of,
     percent,
     point_truth,
-    predicted_classes,
+    semantic_rows,
 )
 from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
@@ -75,11 +74,7 @@ class SemSegMetric(RecordedMetric):
         count = len(class_names(self.classes, self.dataset_meta, 'SemSegMetric'))
         for sample in data_samples:
             fields = fields_of(sample, [], 'SemSegMetric')
-            if fields.get('pred_pts_semantic_mask') is not None:
-                rows = numpy_of(fields['pred_pts_semantic_mask']).astype(np.int64)
-            else:
-                fields_of(fields, ['pred_point_probs'], 'SemSegMetric')
-                rows = predicted_classes(numpy_of(fields['pred_point_probs']))
+            rows = semantic_rows(fields, 'SemSegMetric')
             truth = point_truth(fields, len(rows), 'SemSegMetric')
             ignored = ignored_values(self.ignored, self.dataset_meta)
             self.results.append(confusion_counts(truth.scatter(rows, -1), truth.semantic, count, ignored))

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from rm3d_plugin.datasets import scannet_format, semantic3d_format, semantickitti_format
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.models.heads.proposals import Instances
+from rm3d_plugin.ops.segment import first_mask
 from rm3d_plugin.storage import write_npz
 from rm3d_plugin.storage.exports import (
     need_laspy,
@@ -48,11 +49,9 @@ class ScanPrediction:
     @property
     def instance(self) -> Int[np.ndarray, ' points']:
         """Best instance of each point, -1 = none, or the class of the point is unknown."""
-        numbers = np.full(len(self.semantic), -1, dtype=np.int64)
-        if self.instances is not None:
-            for row in reversed(range(len(self.instances.masks))):
-                numbers[self.instances.masks[row]] = row
-        return np.where(self.semantic < 0, -1, numbers)
+        if self.instances is None:
+            return np.full(len(self.semantic), -1, dtype=np.int64)
+        return np.where(self.semantic < 0, -1, first_mask(self.instances.masks))
 
 
 def world_xyz(cloud: PointCloud) -> Float[np.ndarray, 'points 3']:

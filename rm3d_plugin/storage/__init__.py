@@ -18,6 +18,7 @@ from rm3d_plugin.storage.files import (
 from rm3d_plugin.storage.fingerprint import Fingerprinted
 from rm3d_plugin.storage.label_store import LabelStore, LabelStoreError, SceneEntry
 from rm3d_plugin.storage.scene_cache import SceneCache
+from rm3d_plugin.storage.sealed_json import read_sealed, write_sealed
 
 __all__ = [
     'Click',
@@ -36,10 +37,12 @@ __all__ = [
     'read_clicks',
     'read_json',
     'read_npz',
+    'read_sealed',
     'remove_unfinished',
     'write_bytes',
     'write_clicks',
     'write_json',
     'write_npz',
+    'write_sealed',
     'write_text',
 ]

@@ -7,21 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
+from rm3d_plugin.storage.e57 import read_e57
 from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width
 from rm3d_plugin.storage.las import read_las
+from rm3d_plugin.storage.leica_text import PARTS as COLUMNS
+from rm3d_plugin.storage.leica_text import read_pts, read_ptx
 from rm3d_plugin.storage.npy import read_archive, read_npy
 from rm3d_plugin.storage.pcd import read_pcd
 from rm3d_plugin.storage.ply import read_ply
 from rm3d_plugin.storage.text_columns import plain_name, read_text_table
 from rm3d_plugin.structures import SceneError
 
-COLUMNS = {
-    3: 'x y z',
-    4: 'x y z intensity',
-    6: 'x y z red green blue',
-    7: 'x y z intensity red green blue',
-}
-"""What the columns of a table without names hold, by their number."""
 RGB = ('red', 'green', 'blue')
 NORMAL = ('nx', 'ny', 'nz')
 ROLES = ('x', 'y', 'z', 'intensity', *RGB, *NORMAL, 'label', 'instance')
@@ -40,7 +36,7 @@ ALIASES = {
 _BLOCKS = {name: tuple('xyz') for name in ('xyz', 'points', 'pos', 'coord', 'coords')}
 _BLOCKS |= {name: RGB for name in ('colors', 'color', 'rgb')} | {name: NORMAL for name in ('normals', 'normal')}
 
-ENDINGS = ('.bin', '.csv', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.txt', '.xyz')
+ENDINGS = ('.bin', '.csv', '.e57', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.pts', '.ptx', '.txt', '.xyz')
 _LISTED = 12  # names in a message
 _MANY = 100  # columns that are rather points
 
@@ -55,7 +51,7 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
     :data:`COLUMNS` where its width is one of these, else 0, 1, 2, ...
 
     Args:
-        path: ``.ply .pcd .las .laz .npy .npz .bin .txt .xyz .csv``.
+        path: ``.ply .pcd .las .laz .e57 .pts .ptx .npy .npz .bin .txt .xyz .csv``.
         names: Names of a table's columns, split by blanks, - for one to pass over. '': as None, but what the columns
             seem to hold is not questioned, since the caller knows. Of no effect where the file has names.
 
@@ -87,6 +83,9 @@ def _readers() -> dict[str, Callable[[Path, str | None], dict[str, np.ndarray]]]
         '.pcd': lambda path, _: read_pcd(path),
         '.las': lambda path, _: read_las(path),
         '.laz': lambda path, _: read_las(path),
+        '.e57': lambda path, _: read_e57(path),
+        '.pts': lambda path, _: read_pts(path),
+        '.ptx': lambda path, _: read_ptx(path),
         '.npy': _npy,
         '.npz': _npz,
         '.bin': _bin,

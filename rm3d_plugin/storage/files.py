@@ -11,9 +11,10 @@ import json
 import math
 import os
 import secrets
+import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -82,15 +83,19 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
     return path
 
 
-def remove_unfinished(folder: str | Path, pattern: str) -> None:
+def remove_unfinished(folder: str | Path, pattern: str, older: float = 0.0) -> None:
     """Remove what a killed process left of files that it was writing.
 
     Args:
         folder: Where the files lie, in it or below.
         pattern: Of their names, such as ``*.pth``.
+        older: Seconds; what was written to since then stays, since a living process may be writing it.
     """
+    before = time.time() - older
     for rest in Path(folder).rglob(f'.{pattern}.*.tmp'):
-        rest.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process removed it
+            if rest.stat().st_mtime <= before:
+                rest.unlink()
 
 
 def _flush_folder(folder: Path) -> None:

@@ -12,6 +12,7 @@
 """
 
 import shutil
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +20,8 @@ from urllib.parse import quote, unquote
 
 import numpy as np
 
-from rm3d_plugin.storage.files import DamagedFileError, content_of, read_json, read_npz, write_json, write_npz
+from rm3d_plugin.storage.files import DamagedFileError, content_of, read_npz, write_npz
+from rm3d_plugin.storage.sealed_json import read_sealed, write_sealed
 from rm3d_plugin.structures import Boxes3D, PseudoLabels, SceneError
 
 FORMAT = 2  # of a scene's file; raise it when names or meanings change, so that older files are refused
@@ -122,7 +124,7 @@ class LabelStore:
         if not scenes:
             raise LabelStoreError(f'{self.folder(round)}: round {round} holds no scene; write them first')
         content = {'round': round, 'scenes': scenes, 'summary': dict(summary or {})}
-        write_json(self._complete_file(round), content)
+        write_sealed(self._complete_file(round), content)
 
     def set_current(self, round: int) -> None:
         """From now on every process reads this round.
@@ -131,7 +133,7 @@ class LabelStore:
             LabelStoreError: The round is not complete.
         """
         self._need_complete(round)
-        write_json(self._current_file, {'round': round})
+        write_sealed(self._current_file, {'round': round})
 
     def forget_rounds(self, first: int) -> None:
         """Remove this round and all later ones, which are to be made again; the current one is that before them.
@@ -146,16 +148,29 @@ class LabelStore:
     # ------------------------------------------------------------------ reading
 
     def current_round(self) -> int | None:
-        """The round that training reads, None before the first; read from the disk at each call."""
+        """The round that training reads, None before the first; read from the disk at each call.
+
+        Raises:
+            DamagedFileError: What names it is damaged, and no round is complete.
+
+        Warns:
+            UserWarning: What names it is damaged: it is the last complete round.
+        """
         try:
-            content = read_json(self._current_file)
+            return self._read_current()
         except FileNotFoundError:
             return None
-        number = content.get('round') if isinstance(content, dict) else None
+        except DamagedFileError as error:
+            if not self.rounds():
+                raise
+            warnings.warn(f'{error}. Round {self.rounds()[-1]}, the last complete one, is read.', stacklevel=2)
+            return self.rounds()[-1]
+
+    def _read_current(self) -> int:
+        content = read_sealed(self._current_file)
+        number = content.get('round')
         if type(number) is not int or number < 0:
-            raise DamagedFileError(
-                f'{self._current_file}: expected {{"round": number from 0}}, got {content!r}; delete it and resume'
-            )
+            raise DamagedFileError(f'{self._current_file}: expected {{"round": number from 0}}, got {content!r}')
         return number
 
     def is_complete(self, round: int) -> bool:
@@ -245,7 +260,7 @@ class LabelStore:
         """Scenes, sorted by name, and summary."""
         self._need_complete(round)
         path = self._complete_file(round)
-        content = read_json(path)
+        content = read_sealed(path)
         with content_of(path, 'the list of scenes of a round'):
             scenes = {name: SceneEntry(**entry) for name, entry in sorted(content['scenes'].items())}
             if not all(type(number) is int and number >= 0 for entry in scenes.values() for number in entry):

@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.storage.columns import NORMAL, RGB, Columns, find_roles, read_columns, split_names
 from rm3d_plugin.storage.coordinates import warn_of_units
+from rm3d_plugin.storage.leica_text import ptx_sensor
 from rm3d_plugin.storage.pcd import read_pcd_header
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 
@@ -66,6 +67,7 @@ def read_scan(
     """Read a scan; its kind is told from the ending.
 
     - ``.ply``, ``.pcd``, ``.las``, ``.laz``: columns are found by name. LAS needs the extra ``las``.
+    - ``.pts``, ``.ptx``, ``.e57``: all scans of the file together. E57 needs the extra ``e57``.
     - ``.bin``: float32 x, y, z, intensity, as KITTI; the sensor is the origin.
     - ``.npy``, ``.txt``, ``.xyz``, ``.csv``: columns by name where there is a header (or a structured array), else
       rows of 3, 4, 6 or 7 columns: x y z [intensity] [red green blue].
@@ -175,9 +177,11 @@ def _cloud(xyz: np.ndarray, channels: dict[str, Any], may_move: bool, sensor: Fl
 
 
 def _sensor(path: Path) -> Float3 | None:
-    """Where the sensor stood, in the frame of the file: the origin in ``.bin``, the viewpoint of a PCD."""
+    """Where the sensor stood, in the frame of the file: the origin in ``.bin``, else what a PCD or PTX says."""
     if path.suffix.lower() == '.bin':
         return 0.0, 0.0, 0.0
+    if path.suffix.lower() == '.ptx':
+        return ptx_sensor(path)
     return read_pcd_header(path).sensor if path.suffix.lower() == '.pcd' else None
 
 

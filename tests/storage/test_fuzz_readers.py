@@ -35,12 +35,16 @@ def written(folder, kind):
     elif kind == '.pcd':
         head = 'FIELDS x y z _\nSIZE 4 4 4 1\nTYPE F F F U\nCOUNT 1 1 1 4\nWIDTH 30\nHEIGHT 1\nPOINTS 30\nDATA binary\n'
         path.write_bytes(head.encode() + np.c_[XYZ, XYZ[:, 0]].astype('<f4').tobytes())
+    elif kind == '.pts':
+        path.write_text(f'20\n{rows[: 20 * 18]}' + f'10\n{rows[20 * 18 :]}\n')
+    elif kind == '.ptx':
+        path.write_text(f'6\n5\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 2 3 1\n{rows}\n')
     else:
         path.write_text(('x,y,z\n' + rows.replace(' ', ',')) if kind == '.csv' else f'# x y z\n{rows}\n')
     return path.read_bytes()
 
 
-@pytest.mark.parametrize('kind', ['.ply', '.npy', '.npz', '.bin', '.pcd', '.txt', '.csv'])
+@pytest.mark.parametrize('kind', ['.ply', '.npy', '.npz', '.bin', '.pcd', '.txt', '.csv', '.pts', '.ptx'])
 def test_a_scan_or_a_message(tmp_path, kind):
     good, path = written(tmp_path, kind), tmp_path / f'bad{kind}'
     read_scan(tmp_path / f'good{kind}')  # kernels are compiled

@@ -12,12 +12,12 @@ from mmengine.runner import Runner
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.evaluation.records import ScoreRecord, records_from, records_of, rows_of
 from rm3d_plugin.registry import HOOKS
-from rm3d_plugin.storage import content_of, read_json, write_json
+from rm3d_plugin.storage import content_of, read_sealed, write_sealed
 from rm3d_plugin.structures.label_estimate import ESTIMATE, LabelEstimate, has_estimate
 
 
 def read_record(work_dir: str | Path) -> dict[str, Any]:
-    """The run's ``metrics.json``, or an empty record.
+    """The run's ``metrics.json``, or an empty record; a damaged one gives way to that before it, with a warning.
 
     Raises:
         DamagedFileError: It is no such record.
@@ -26,7 +26,7 @@ def read_record(work_dir: str | Path) -> dict[str, Any]:
     if not path.is_file():
         return _empty()
     with content_of(path, 'the record of a run'):
-        record = {**_empty(), **read_json(path)}
+        record = {**_empty(), **read_sealed(path)}
         _check(record)
         return record
 
@@ -128,7 +128,7 @@ class RunRecordHook(Hook):
     def _write(self, runner: Runner) -> None:
         if is_main_process():
             self.record['estimates'] = _estimates(runner)
-            write_json(Path(runner.work_dir) / 'metrics.json', self.record)
+            write_sealed(Path(runner.work_dir) / 'metrics.json', self.record, keep_previous=True)
 
 
 def _estimates(runner: Runner) -> dict[str, Any]:
