@@ -8,7 +8,7 @@ inside a longer string the value is written out. References are OmegaConf's, and
     train_dataloader = dict(dataset=dict(type='KittiDataset', data_root='${data_root}'))
 
 Four names are added: ``work_dir``, ``config_name``, ``is_demo`` and ``epochs`` (= rounds * sigma, the length of
-training). ``label_refreshes`` becomes a number where a config says None.
+training). ``label_refreshes`` and ``num_classes`` become numbers where a config says None.
 """
 
 import traceback
@@ -24,7 +24,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from rm3d_plugin.engine.config_files import ConfigError as ConfigError
-from rm3d_plugin.engine.config_files import find_config, shipped_bases, similar
+from rm3d_plugin.engine.config_files import dicts_replace_values, find_config, shipped_bases, similar
 from rm3d_plugin.engine.renamed_options import HINTS, RENAMED
 
 
@@ -63,6 +63,8 @@ def load_config(
     config.epochs = _count(config, 'rounds') * _count(config, 'sigma')
     if config.get('label_refreshes', 1) is None:
         config.label_refreshes = max(config.rounds - _count(config, 'warm_up_rounds') + 1, 1)
+    if 'num_classes' in config and 'class_names' in config:
+        _count_classes(config)
     resolved = Config(resolve(config.to_dict(), path), filename=config.filename)
     _import_custom_modules(resolved)
     return resolved
@@ -93,7 +95,7 @@ def _read(path: Path) -> Config:
     if path.suffix != '.py':
         raise ConfigError(f'{path}: expected a .py config, got {path.suffix or "no suffix"}')
     try:
-        with shipped_bases():
+        with shipped_bases(), dicts_replace_values():
             config = Config.fromfile(str(path), import_custom_modules=False)
     except (ConfigError, SyntaxError, NameError, FileNotFoundError, KeyError, TypeError) as error:
         _close_files(error)
@@ -150,12 +152,13 @@ def _apply(config: Config, options: Mapping[str, Any]) -> None:
         raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in the config; keys: {sorted(config)}')
     for key, value in options.items():
         try:
-            config.merge_from_dict({key: deepcopy(value)})  # mmengine takes `_delete_` out of what it is given
+            with dicts_replace_values():
+                config.merge_from_dict({key: deepcopy(value)})  # mmengine takes `_delete_` out of what it is given
         except (TypeError, KeyError) as error:
             parent, _, _ = key.rpartition('.')
             raise ConfigError(
                 f"--cfg-options {key}: {parent} holds no keys of its own; where it is a reference like '${{name}}', "
-                f'change what it refers to; where it is None, give {parent}._delete_=True first'
+                'change what it refers to'
             ) from error
 
 
@@ -164,6 +167,20 @@ def _count(config: Config, key: str) -> int:
     if not isinstance(value, int) or value < 1:
         raise ConfigError(f'{key}: expected a whole number from 1, got {value!r}')
     return value
+
+
+def _count_classes(config: Config) -> None:
+    """Fill in ``num_classes`` where it is None."""
+    names = config.class_names
+    if not isinstance(names, list | tuple) or len(set(map(str, names))) < max(len(names), 1):
+        raise ConfigError(f'class_names: expected a list of names, each once, got {names!r}')
+    if config.num_classes is None:
+        config.num_classes = len(names)
+    if config.num_classes != len(names):
+        raise ConfigError(
+            f'num_classes={config.num_classes}: class_names has {len(names)}: {", ".join(map(str, names))}; leave '
+            'num_classes out, or name as many'
+        )
 
 
 def unknown_options(config: Config, options: Mapping[str, Any]) -> Sequence[str]:

@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from mmengine.config import Config
 
@@ -85,3 +86,34 @@ def shipped_bases() -> Iterator[None]:
         yield
     finally:
         Config._get_cfg_path = staticmethod(mmengines)
+
+
+@contextmanager
+def dicts_replace_values() -> Iterator[None]:
+    """Within this block ``columns = dict(...)`` may follow ``columns = None`` or a word; mmengine wants ``_delete_``.
+
+    References (``'${name}'``) stay: who gives keys of one may mean to change what it refers to.
+    """
+    mmengines = Config._merge_a_into_b
+
+    def merge(new: dict[str, Any], old: Any, allow_list_keys: bool = False) -> Any:
+        if isinstance(old, dict):
+            gone = [key for key, value in new.items() if _lacks_base(value) and _is_plain(old.get(key, 0))]
+            old = old.copy()
+            for key in gone:
+                del old[key]
+        return mmengines(new, old, allow_list_keys)
+
+    Config._merge_a_into_b = staticmethod(merge)
+    try:
+        yield
+    finally:
+        Config._merge_a_into_b = staticmethod(mmengines)
+
+
+def _is_plain(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and '${' not in value)
+
+
+def _lacks_base(value: Any) -> bool:
+    return isinstance(value, dict) and '_delete_' not in value

@@ -1,5 +1,6 @@
 """From a resolved config to a run: train, prepare, score."""
 
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from mmengine.runner import Runner
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.distributed import use_launcher
+from rm3d_plugin.engine.found_inputs import find_inputs, take_inputs
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints
 from rm3d_plugin.engine.work_dir import (
     check_same_settings,
@@ -69,6 +71,8 @@ def train(
     if amp:
         use_amp(config)
     check_data(config, 'train_dataloader', 'val_dataloader')
+    with config_errors(config):
+        find_inputs(config)
     work_dir = Path(config.work_dir)
     with lock_work_dir(work_dir):
         checkpoint = choose_checkpoint(work_dir, resume, overwrite)
@@ -201,6 +205,11 @@ def evaluate(config: Config, checkpoint: str | Path) -> Evaluation:
     """
     state = read_checkpoint(checkpoint)
     check_data(config, 'test_dataloader')
+    with config_errors(config):
+        if 'config_json' in state.get('meta', {}):
+            take_inputs(config, json.loads(state['meta']['config_json']))
+        else:
+            find_inputs(config)
     config.custom_hooks = []
     with config_errors(config):
         runner = Runner.from_cfg(config)

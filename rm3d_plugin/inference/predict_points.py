@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import features
 from rm3d_plugin.datasets.downsampled import KeptPoints, keep_points
+from rm3d_plugin.datasets.files import intensity_limits
 from rm3d_plugin.datasets.semantic3d_format import GREATEST, LEAST
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.point_fields import predicted_classes
@@ -28,6 +29,7 @@ from rm3d_plugin.storage.scans import ColorRange, NanPoints, read_scan
 from rm3d_plugin.structures import PointCloud, PseudoLabels, SceneError
 
 MAX_POINTS = 1_000_000  # scans with more are predicted in chunks, where neither run nor user says otherwise
+OUTLIERS = 0.005  # share of the points whose intensity may be clipped without a word: mirrors in the sun
 NEUTRAL = 0.5  # what the network reads as no colour and no intensity
 Range = tuple[float, float]
 Fill = Literal['network', 'nearest']
@@ -246,8 +248,8 @@ def trained_intensity_range(dataset: Mapping[str, Any]) -> Range | None:
     if _is(dataset, 'Semantic3DDataset'):
         return LEAST, GREATEST
     if _is(dataset, 'FilesDataset'):
-        greatest = dataset.get('intensity_range')
-        return None if greatest is None else (0.0, float(greatest))
+        given = dataset.get('intensity_range')
+        return None if given is None else intensity_limits(given)
     return 0.0, 1.0
 
 
@@ -295,7 +297,7 @@ def _unit_intensity(
     low, high = limits
     unit = (intensity - low) / (high - low)
     outside = float(((unit < 0) | (unit > 1)).mean()) if len(unit) else 0.0
-    if outside > 0:
+    if outside > OUTLIERS:
         warnings.warn(
             f'{name}: intensity: {100 * outside:.1f} % of the points lie outside {low:g} to {high:g} and are clipped; '
             'pass --intensity-range LOW HIGH as the sensor has it',

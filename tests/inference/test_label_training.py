@@ -15,10 +15,8 @@ from rm3d_plugin.inference.label_training import (
     TrainingOptions,
     clicks_of,
     plan_schedule,
-    sensor_columns,
 )
 from rm3d_plugin.storage.ply import read_ply, write_ply
-from rm3d_plugin.structures import PointCloud
 
 TINY = ['widths=[8,16]', 'voxel_size=0.3', 'threads=1', 'learning_rate=0.01']
 FEW = ['rounds=1', 'sigma=8', 'periods=[8]', 'restart_weights=[1]']  # the time that is left is not used
@@ -46,15 +44,6 @@ def test_labels_become_clicks_by_number():
     labels = PointLabels(np.array([4, 9]), np.array([1, 0]))
     clicks = clicks_of(GivenLabels(('2', '6'), (2, 6), {'a': labels}))
     assert [(click.scene, click.index, click.semantic) for click in clicks] == [('a', 4, 1), ('a', 9, 0)]
-
-
-def test_the_columns_are_those_that_all_scans_have():
-    xyz = np.zeros((2, 3))
-    plain, bright = PointCloud(xyz), PointCloud(xyz, intensity=np.ones(2), colors=np.ones((2, 3)))
-    assert sensor_columns([plain, plain]) == []
-    assert sensor_columns([bright, bright]) == ['intensity', 'rgb']
-    with pytest.raises(ConfigError, match='1 of 2 scans have intensity; expected all or none'):
-        sensor_columns([plain, bright])
 
 
 @pytest.fixture(scope='module')

@@ -88,7 +88,7 @@ def point_inputs(
     if points.shape[1] != settings.point_columns:
         raise SceneError(
             f'points: {points.shape[1]} columns, but x, y, z and columns={list(settings.columns)} make '
-            f'{settings.point_columns}; set inputs.columns of the model to what the scans have'
+            f'{settings.point_columns}; set inputs.columns of the model (point_columns of a config) to what they have'
         )
     parts, first = [], 3
     for name in settings.columns:
