@@ -233,9 +233,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         there = [name for name, values in (('intensity', cloud.intensity), ('rgb', cloud.colors)) if values is not None]
         wanted = there if self.channels is None else self.channels
         if lacking := [name for name in wanted if name not in there]:
-            raise SceneError(
-                f'scene {scene_id}: has no {lacking[0]}; leave it out of `channels`, or leave out the scan'
-            )
+            raise SceneError(f'scene {scene_id}: has no {lacking[0]}; take it out of `channels`')
         return features(cloud, wanted)
 
     def _stored_labels(self, scene_id: str, num_points: int) -> dict[str, np.ndarray]:

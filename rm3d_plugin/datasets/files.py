@@ -185,10 +185,10 @@ def intensity_limits(given: float | Sequence[float]) -> tuple[float, float]:
     Raises:
         ValueError: The greatest is not above the least.
     """
-    low, high = (0.0, given) if isinstance(given, int | float) else tuple(given)
-    if not low < high:
+    limits = (0.0, given) if isinstance(given, int | float) else tuple(given)
+    if not (len(limits) == 2 and all(isinstance(limit, int | float) for limit in limits) and limits[0] < limits[1]):
         raise ValueError(f'intensity_range: expected a number > 0, or a pair LOW < HIGH, got {given}')
-    return float(low), float(high)
+    return float(limits[0]), float(limits[1])
 
 
 def class_numbers(label_map: Mapping[int | str, int | str], classes: tuple[str, ...]) -> dict[int, int]:

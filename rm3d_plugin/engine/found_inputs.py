@@ -158,7 +158,7 @@ def _check(columns: Sequence[str], appended: Sequence[str], scans: Sequence[Sens
         if lacking:
             raise SceneError(
                 f'scene {scan.name}: has no {WORDS[lacking[0]]}, but point_columns={list(columns)} asks for '
-                f'{lacking[0]}; leave it out there, or leave out the scan (point_columns=None takes what all scans have)'
+                f'{lacking[0]}; leave it out, or the scan (point_columns=None: what all scans have)'
             )
     if [name for name in columns if name not in SENSED] != list(appended):
         raise ConfigError(

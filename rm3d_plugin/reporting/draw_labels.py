@@ -11,8 +11,8 @@ from mmengine.config import Config
 import rm3d_plugin.datasets
 import rm3d_plugin.models  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.run import config_errors
-from rm3d_plugin.inference.outputs import check_targets
+from rm3d_plugin.engine.config_errors import config_errors
+from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.label_budgets import clicks_of
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.labeling.sources import BoxBudgetSource, LabelSource
@@ -78,6 +78,7 @@ def draw_labels(source: LabelSource, out: Path, title: str, max_scenes: int = 8,
     if ending not in ('', '.html') and not out.is_dir():
         raise ConfigError(f'--out {out}: expected a folder, or a file that ends with .csv, .json, .jsonl or .html')
     folder = out.parent if ending == '.html' else out
+    check_folder(folder)
     written = []
     if ending != '.html':
         source.open(folder, resume=False)

@@ -5,6 +5,7 @@ new one, also after a crash. An npz file carries its format version and a hash o
 told apart from a good one.
 """
 
+import errno
 import hashlib
 import io
 import json
@@ -39,6 +40,9 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
 
     Returns:
         The path.
+
+    Raises:
+        OSError: The disk is full, or the folder cannot be written to; names the file.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,6 +54,10 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
             os.fsync(file.fileno())
         note_written(path)
         os.replace(unfinished, path)
+    except OSError as error:
+        if error.errno == errno.ENOSPC:  # from a write it names no file
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path)) from error
+        raise
     finally:
         unfinished.unlink(missing_ok=True)
     _flush_folder(path.parent)
