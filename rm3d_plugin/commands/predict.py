@@ -38,6 +38,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     points.add_argument(
         '--unknown-below', type=SHARE, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
     )
+    points.add_argument(
+        '--paint', action='store_true', help="colours show the classes; default: the scan's own, where it has some"
+    )
+    points.add_argument(
+        '--classify', action='store_true', help='LAS: classification holds the classes, and not the field label alone'
+    )
     points.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
     points.add_argument(
         '--drop-nan', action='store_true', help='leave out points whose place is NaN, as organised PCD has them'
@@ -69,6 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         nan_points='drop' if args.drop_nan else 'error',
         labels=args.labels,
         fill=args.fill,
+        paint=args.paint,
+        classify=args.classify,
     )
     for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
         print(path)
