@@ -8,6 +8,7 @@ from rm3d_plugin.commands.numbers import ANY, METRES, SHARE, whole
 from rm3d_plugin.inference.predict import predict_files
 from rm3d_plugin.inference.predict_formats import FORMATS
 from rm3d_plugin.inference.predict_points import PointOptions
+from rm3d_plugin.storage.columns import ENDINGS
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -18,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         'scans',
         nargs='+',
         type=Path,
-        help='scans, or folders of them; detector: .bin, segmentor: .ply .pcd .las .laz .npy .npz .bin .txt .csv .xyz',
+        help=f'scans, or folders of them; detector: .bin, segmentor: {" ".join(ENDINGS)}',
     )
     parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
     parser.add_argument(

@@ -16,7 +16,7 @@ from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 
 Split = Literal['train', 'val', 'test']
 OtherLabels = Literal['error', 'ignore']
-SLOW = ('.txt', '.xyz', '.csv', '.laz')  # worth a cache
+SLOW = ('.txt', '.xyz', '.csv', '.laz', '.xyz_label_conf')  # worth a cache
 _LAYOUT = """
     {root}/
       train/   one scan a file, in any sub-folders: {endings}

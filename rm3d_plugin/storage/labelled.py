@@ -55,7 +55,7 @@ def _las(source: Path, target: Path, columns: Arrays, added: Arrays) -> Path:
     laspy = need_laspy(source)
     las = laspy.read(source)
     standard = {str(name) for name in las.point_format.standard_dimension_names} & set(added)
-    further = {GIVEN + name: np.asarray(las[name]) for name in standard}
+    further = {GIVEN + name: np.array(las[name]) for name in standard}
     for name in standard:
         las[name] = added[name]
     for name, kept in kept_names(las.point_format.extra_dimension_names, added).items():
