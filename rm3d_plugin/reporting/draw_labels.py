@@ -81,10 +81,10 @@ def draw_labels(source: LabelSource, out: Path, title: str, max_scenes: int = 8,
     check_folder(folder)
     written = []
     if ending != '.html':
+        if isinstance(source, PointBudgetSource) and source.budget.annotated_count <= MAX_CLICKS:
+            written.append(_write_clicks(folder / 'clicks.csv', source))  # first: it refuses to replace others
         source.open(folder, resume=False)
         written += sorted(path for path in (folder / 'budget.json', folder / 'budget.npz') if path.is_file())
-        if isinstance(source, PointBudgetSource) and source.budget.annotated_count <= MAX_CLICKS:
-            written.append(_write_clicks(folder / 'clicks.csv', source))
     page = out if ending == '.html' else folder / 'labels.html'
     return [*written, _write_page(page, source, title, max_scenes, synthetic)]
 
