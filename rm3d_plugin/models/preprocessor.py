@@ -9,6 +9,7 @@ from torch import Tensor
 
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import SceneError
+from rm3d_plugin.user_error import UserError
 
 
 def join_scenes(parts: list[Tensor]) -> tuple[Tensor, Tensor]:
@@ -45,9 +46,12 @@ class ScenePreprocessor(BaseDataPreprocessor):
         """Join the scenes of one batch.
 
         Raises:
+            UserError: The pipeline does not pack its scenes.
             SceneError: A view and its point ids differ in length, or an id lies outside its scene.
         """
         data = self.cast_data(data)
+        if 'inputs' not in data:
+            raise UserError(f'pipeline: hands out {", ".join(sorted(data))}, no inputs; it must end with PackScene')
         return {'inputs': join_inputs(data['inputs']), 'data_samples': data.get('data_samples')}
 
 

@@ -29,14 +29,18 @@ ALIASES = {
     'nx': ('nx', 'normal_x'),
     'ny': ('ny', 'normal_y'),
     'nz': ('nz', 'normal_z'),
-    'label': ('label', 'labels', 'class', 'classification', 'semantic', 'semantic_label'),
+    'label': ('label', 'labels', 'class', 'classification', 'semantic', 'semantic_label', 'label_id'),
     'instance': ('instance', 'instances', 'instance_id', 'instance_label'),
 }
 """Names under which a part is found; case, ``scalar_`` before a name and a unit ``[m]`` behind it do not matter."""
 _BLOCKS = {name: tuple('xyz') for name in ('xyz', 'points', 'pos', 'coord', 'coords')}
 _BLOCKS |= {name: RGB for name in ('colors', 'color', 'rgb')} | {name: NORMAL for name in ('normals', 'normal')}
 
-ENDINGS = ('.bin', '.csv', '.e57', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.pts', '.ptx', '.txt', '.xyz')
+OAKLAND = 'x y z label confidence'  # its native files, some of which have no header
+ENDINGS = (
+    '.bin', '.csv', '.e57', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.pts', '.ptx', '.txt', '.xyz',
+    '.xyz_label_conf',
+)  # fmt: skip
 _LISTED = 12  # names in a message
 _MANY = 100  # columns that are rather points
 
@@ -51,7 +55,7 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
     :data:`COLUMNS` where its width is one of these, else 0, 1, 2, ...
 
     Args:
-        path: ``.ply .pcd .las .laz .e57 .pts .ptx .npy .npz .bin .txt .xyz .csv``.
+        path: One of :data:`ENDINGS`.
         names: Names of a table's columns, split by blanks, - for one to pass over. '': as None, but what the columns
             seem to hold is not questioned, since the caller knows. Of no effect where the file has names.
 
@@ -92,6 +96,7 @@ def _readers() -> dict[str, Callable[[Path, str | None], dict[str, np.ndarray]]]
         '.txt': _text,
         '.xyz': _text,
         '.csv': _text,
+        '.xyz_label_conf': lambda path, names: _text(path, names, OAKLAND),
     }
 
 
@@ -259,8 +264,8 @@ def _moved(columns: dict[str, np.ndarray], origin: np.ndarray | None, path: Path
     return columns | {axis: columns[axis].astype(np.float64) + origin[i] for i, axis in enumerate('xyz')}
 
 
-def _text(path: Path, names: str | None) -> dict[str, np.ndarray]:
+def _text(path: Path, names: str | None, usual: str | None = None) -> dict[str, np.ndarray]:
     found, table = read_text_table(path)
     if not names and found:
         return {name: table[:, i] for i, name in enumerate(found) if name}
-    return _named(table, path, names)
+    return _named(table, path, usual if names is None else names)

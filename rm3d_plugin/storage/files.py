@@ -63,6 +63,9 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
 
     Returns:
         The path.
+
+    Raises:
+        OSError: The disk is full, or the folder cannot be written to; names the file.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

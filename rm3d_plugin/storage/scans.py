@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.storage.columns import NORMAL, RGB, Columns, find_roles, read_columns, split_names
 from rm3d_plugin.storage.coordinates import warn_of_units
@@ -130,7 +130,7 @@ def scan_of_columns(
     xyz = np.stack([parts[name] for name in 'xyz'], axis=1)
     if len(xyz) == 0:
         raise SceneError(f'{path}: holds no points')
-    finite = (np.abs(xyz) <= GREATEST).all(axis=1)  # NaN compares as False
+    finite = _has_place(xyz)
     if not finite.all():
         _check_nan_points(path, finite, nan_points)
         xyz, parts = xyz[finite], {name: values[finite] for name, values in parts.items()}
@@ -140,6 +140,17 @@ def scan_of_columns(
     cloud = _cloud(xyz, _channels(parts, color_range, path), not sensor_at_zero, _sensor(path))
     read = {name: _whole(path, name, parts[name]) for name in ('label', 'instance') if labels and name in parts}
     return Scan(cloud, **read)
+
+
+def rows_with_place(columns: Mapping[str, np.ndarray], given: Columns | None, path: Path) -> Bool[np.ndarray, ' rows']:
+    """Which rows :func:`scan_of_columns` keeps with ``nan_points='drop'``."""
+    parts = find_roles(columns, given, path)
+    return _has_place(np.stack([parts[name] for name in 'xyz'], axis=1))
+
+
+def _has_place(xyz: np.ndarray) -> Bool[np.ndarray, ' rows']:
+    finite: Bool[np.ndarray, ' rows'] = (np.abs(xyz) <= GREATEST).all(axis=1)  # NaN compares as False
+    return finite
 
 
 def _channels(parts: Mapping[str, np.ndarray], color_range: ColorRange, path: Path) -> dict[str, np.ndarray]:

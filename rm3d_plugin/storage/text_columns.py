@@ -80,7 +80,8 @@ def find_layout(text: bytes) -> TextLayout:
     while at < len(text):
         end = text.find(b'\n', at) + 1 or len(text)
         line = text[at:end].decode('utf-8', errors='replace').strip(' \r\n')
-        words, separator = split_cells(line.lstrip('#/ ') if line.startswith(_COMMENT) else line)
+        said = line.lstrip('#/ ').rpartition(': ')[2] if line.startswith(_COMMENT) else line  # 'columns: x y z'
+        words, separator = split_cells(said)
         numbers = [_is_number(word) for word in words if word]
         if line.startswith(_COMMENT):
             if names_points(words):

@@ -75,6 +75,8 @@ class RM3DSegmentor(PointModel):
         init_cfg: dict[str, Any] | None = None,
     ) -> None:
         settings: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in (inputs or {}).items()}
+        if settings.get('columns', ()) is None:
+            raise ValueError('inputs.columns: None is filled in from the scans when training begins; name them here')
         columns = PointInputs(**settings)
         super().__init__(backbone, columns.channels, data_preprocessor, init_cfg)
         self.inputs, self.num_classes, self.thing_classes = columns, num_classes, tuple(thing_classes)
