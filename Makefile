@@ -23,6 +23,7 @@ test: $(STAMP)
 
 fuzz: $(STAMP)
 	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py
+	RM3D_FUZZ=500 $(BIN)/python -m pytest -q -s tests/storage/test_fuzz_stores.py tests/commands/test_fuzz_commands.py
 
 faults: $(STAMP)
 	RM3D_FAULTS=25 $(BIN)/python -m pytest -q tests/faults

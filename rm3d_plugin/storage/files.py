@@ -78,7 +78,8 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
         note_written(path)
         os.replace(unfinished, path)
     except OSError as error:  # a full disk names no file
-        error.filename = error.filename or str(path)
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
         raise
     finally:
         unfinished.unlink(missing_ok=True)
