@@ -31,10 +31,10 @@ faults: $(STAMP)
 # mmdetection3d 1.4 beside current torch: without its compiled operations, in an environment of its own.
 mmdet3d:
 	$(PYTHON) -m venv .venv-mmdet3d
-	grep -vE '^(numpy|setuptools|mmengine-lite)==' constraints.txt > .venv-mmdet3d/constraints.txt
+	grep -vE '^(numpy|setuptools)==' constraints.txt > .venv-mmdet3d/constraints.txt
 	.venv-mmdet3d/bin/pip install --quiet -c .venv-mmdet3d/constraints.txt 'setuptools>=77.0.3,<81' wheel 'numpy<2.4'
-	.venv-mmdet3d/bin/pip install --quiet -c .venv-mmdet3d/constraints.txt --no-build-isolation -e '.[test]' \
-	  'mmengine==0.10.7' 'opencv-python-headless' 'setuptools<81' 'numpy<2.4'
+	.venv-mmdet3d/bin/pip install --quiet -c .venv-mmdet3d/constraints.txt --no-build-isolation -e '.[standalone,test]' \
+	  'setuptools<81' 'numpy<2.4'
 	.venv-mmdet3d/bin/pip install --quiet --no-deps mmcv-lite==2.1.0 mmdet==3.3.0 mmdet3d==1.4.0 nuscenes-devkit==1.2.0 \
 	  lyft_dataset_sdk pyquaternion pandas scikit-learn threadpoolctl narwhals pycocotools shapely terminaltables \
 	  trimesh plyfile six

@@ -21,6 +21,7 @@ from rm3d_plugin.evaluation.point_fields import (
     class_names,
     fields_of,
     format_columns,
+    ignored_values,
     numpy_of,
     percent,
     point_truth,
@@ -92,7 +93,8 @@ class PanopticQuality(RecordedMetric):
             raise SceneError(f'{where}: instances of {len(instance)} points, but classes of {len(semantic)}')
         count = len(class_names(self.classes, self.dataset_meta, NAME))
         found = truth.scatter(semantic, -1), truth.scatter(instance, -1)
-        return panoptic_counts(*found, truth.semantic, truth.instance, count, self.min_points, self.ignored)
+        ignored = ignored_values(self.ignored, self.dataset_meta)
+        return panoptic_counts(*found, truth.semantic, truth.instance, count, self.min_points, ignored)
 
 
 def _instance_rows(fields: Any) -> Int[np.ndarray, ' rows']:
