@@ -13,10 +13,12 @@ from mmengine.registry import init_default_scope
 
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.safe_parts import check_own_parts
+from rm3d_plugin.engine.safe_parts import check_own_parts, check_sizes
 from rm3d_plugin.registry import MODELS, SCOPE, TRANSFORMS
 from rm3d_plugin.storage.files import MALFORMED
 from rm3d_plugin.user_error import UserError
+
+_SMALL = 1 << 20  # a size that is no danger, however small the network
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,9 @@ def load_network(checkpoint: str | Path, device: str = 'cpu') -> TrainedNetwork:
     dataset = config.val_dataloader.dataset
     check_own_parts(config.model, f'{checkpoint}: model')
     check_own_parts(dataset.pipeline, f'{checkpoint}: pipeline')
+    held = sum(weight.numel() for weight in state['state_dict'].values())
+    sizes = {key: value for key, value in config.model.items() if key != 'inference'}  # what may be larger: chunks
+    check_sizes(sizes, f'{checkpoint}: model', max(held, _SMALL))
     init_default_scope(SCOPE)
     with _parts_of(checkpoint):
         model = MODELS.build(config.model)

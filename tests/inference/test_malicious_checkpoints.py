@@ -76,6 +76,16 @@ def test_hooks_and_imports_of_a_checkpoint_are_not_looked_at(tmp_path):
     assert load_network(changed(make_checkpoint(tmp_path / 'net.pth'), change)).classes
 
 
+@pytest.mark.parametrize('number', [10**400, 10**9, -(10**9), float('inf')])
+def test_sizes_beyond_the_weights_are_refused_before_room_is_made(tmp_path, number):
+    def change(config):
+        config['model']['backbone']['widths'][1] = number
+
+    path = changed(make_checkpoint(tmp_path / 'net.pth'), change)
+    with pytest.raises(ConfigError, match=r'net\.pth: model\.backbone\.widths\[1\]: .* is larger than the network'):
+        load_network(path)
+
+
 @pytest.fixture
 def evil(tmp_path, monkeypatch):
     """A module that leaves a file when it is imported or called, and that file."""

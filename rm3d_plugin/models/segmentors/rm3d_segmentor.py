@@ -80,7 +80,7 @@ class RM3DSegmentor(PointModel):
         columns = PointInputs(**settings)
         super().__init__(backbone, columns.channels, data_preprocessor, init_cfg)
         self.inputs, self.num_classes, self.thing_classes = columns, num_classes, tuple(thing_classes)
-        if not set(self.thing_classes) <= set(range(num_classes)):
+        if not all(0 <= number < num_classes for number in self.thing_classes):
             raise ValueError(f'thing_classes: expected classes 0..{num_classes - 1}, got {self.thing_classes}')
         self.predict_instances, self.ignore_index = predict_instances, ignore_index
         self.inference = SceneInference(**(inference or {}))
