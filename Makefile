@@ -5,14 +5,14 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 DEMO := rm3d_votenet_kitti_1pct
 
-.PHONY: setup demo annotate test fuzz lint types layers bench docs clean
+.PHONY: setup demo annotate test fuzz faults mmdet3d lint types layers bench docs clean
 
 setup: $(STAMP)
 
 $(STAMP): setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet -c constraints.txt 'setuptools>=77.0.3,<82' wheel
-	$(BIN)/pip install --quiet -c constraints.txt --no-build-isolation -e '.[test,docs,las,annotate]'
+	$(BIN)/pip install --quiet -c constraints.txt --no-build-isolation -e '.[standalone,test,docs,las,annotate]'
 	touch $(STAMP)
 
 demo: $(STAMP)
@@ -26,6 +26,22 @@ test: $(STAMP)
 
 fuzz: $(STAMP)
 	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py
+	RM3D_FUZZ=500 $(BIN)/python -m pytest -q -s tests/storage/test_fuzz_stores.py tests/commands/test_fuzz_commands.py
+
+faults: $(STAMP)
+	RM3D_FAULTS=25 $(BIN)/python -m pytest -q tests/faults
+
+# mmdetection3d 1.4 beside current torch: without its compiled operations, in an environment of its own.
+mmdet3d:
+	$(PYTHON) -m venv .venv-mmdet3d
+	grep -vE '^(numpy|setuptools)==' constraints.txt > .venv-mmdet3d/constraints.txt
+	.venv-mmdet3d/bin/pip install --quiet -c .venv-mmdet3d/constraints.txt 'setuptools>=77.0.3,<81' wheel 'numpy<2.4'
+	.venv-mmdet3d/bin/pip install --quiet -c .venv-mmdet3d/constraints.txt --no-build-isolation -e '.[standalone,test]' \
+	  'setuptools<81' 'numpy<2.4'
+	.venv-mmdet3d/bin/pip install --quiet --no-deps mmcv-lite==2.1.0 mmdet==3.3.0 mmdet3d==1.4.0 nuscenes-devkit==1.2.0 \
+	  lyft_dataset_sdk pyquaternion pandas scikit-learn threadpoolctl narwhals pycocotools shapely terminaltables \
+	  trimesh plyfile six
+	.venv-mmdet3d/bin/python -m pytest -q tests/parts
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -44,4 +60,4 @@ docs: $(STAMP)
 	$(BIN)/mkdocs build --strict
 
 clean:
-	rm -rf $(VENV) build site *.egg-info
+	rm -rf $(VENV) .venv-mmdet3d build site *.egg-info

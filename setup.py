@@ -24,10 +24,8 @@ setup(
     entry_points={'console_scripts': ['rm3d = rm3d_plugin.commands.main:main']},
     install_requires=[
         'torch>=2.6',
-        'mmengine-lite>=0.10.7,<0.11',
-        'opencv-python-headless>=5,<6',  # mmengine imports cv2
         'matplotlib>=3.9',
-        'numpy>=2,<2.6',
+        'numpy>=1.26,<3',
         'scipy>=1.13',
         'cachetools>=5.3',
         'numba>=0.60',
@@ -39,7 +37,9 @@ setup(
         'tensorboard>=2.17',
         'setuptools>=77.0.3,<82',  # torch needs the first, mmengine's pkg_resources the second
     ],
+    # mmengine and OpenCV come in several packages of the same files, of which a project has its own: none is required.
     extras_require={
+        'standalone': ['mmengine-lite>=0.10.7,<0.11', 'opencv-python-headless>=4.8'],
         'test': [
             'pytest>=8',
             'hypothesis>=6.100',
@@ -55,6 +55,7 @@ setup(
         'superpoints': ['cut-pursuit-py>=1.0.12'],  # solver of the over-segmenter CutPursuit (MIT)
         'annotate': ['viser>=1.1,<2'],  # the page on which scans are labelled
         'las': ['laspy[lazrs]>=2.5'],  # LAS and LAZ scans
+        'e57': ['pye57>=0.4.11'],  # E57 scans
         'peers': ['open3d-cpu==0.20.0'],  # only compared with, in tests and benchmarks; needs libusb and libGL
     },
 )

@@ -1,5 +1,5 @@
 # RM3D, classes of points of your own scans from the air, from what you clicked: docs/own_scans.md.
-# Run: rm3d train rm3d_sem_files_airborne_clicks --cfg-options data_root=FOLDER budget.clicks=clicks.csv 'class_names=[ground,tree,building]' num_classes=3
+# Run: rm3d train rm3d_sem_files_airborne_clicks --cfg-options data_root=FOLDER budget.clicks=clicks.csv 'class_names=[ground,tree,building]'
 # Time: not measured.
 # Score on real tiles: not measured.
 _base_ = './_base_/files.py'

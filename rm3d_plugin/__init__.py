@@ -14,9 +14,17 @@ store. ``ops`` holds pure functions, ``structures`` the containers, ``label_budg
 """
 
 import importlib
+import importlib.util
 from typing import TYPE_CHECKING, Any
 
 __version__ = '0.1.0'
+
+for _module in ('mmengine', 'cv2'):  # of several packages with the same files; a project has its own
+    if importlib.util.find_spec(_module) is None:
+        raise ImportError(
+            f'rm3d_plugin needs {_module}: install mmengine, or mmengine-lite with any package of OpenCV; '
+            'pip install "rm3d_plugin[standalone]" brings the latter'
+        )
 
 from rm3d_plugin import registry as registry  # noqa: E402  the scope `rm3d_plugin` exists once the package is imported
 

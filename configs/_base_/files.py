@@ -4,12 +4,12 @@ dataset_type = 'FilesDataset'
 data_root = 'data/scans'
 scan_list = None  # file with the name of a scan in each line; None: all scans of data_root
 class_names = ['ground', 'vegetation', 'building']
-num_classes = 3  # as many as class_names
+num_classes = None  # as many as class_names
 thing_classes = []
 columns = None  # which column plays which part, where names do not tell
 label_map = None  # raw label -> class, where the scans have labels
 other_labels = 'error'
-intensity_range = None  # what the intensity is divided by
+intensity_range = None  # [least, greatest], which become 0 and 1; None: found from the scans
 val_labels = 'store'  # nothing is scored, the labels are estimated from clicks; 'truth' where the scans have labels
 reading = dict(
     ann_file='${scan_list}',
@@ -29,10 +29,7 @@ val_evaluator = [dict(type='SemSegMetric', labels='${val_labels}')]
 # is this very scan that is asked for and near points are often alike. `place` stands for a point whatever way the scan is turned.
 crop_points = 1000000  # larger scans are learnt and predicted in parts
 model = dict(inference=dict(max_points='${crop_points}'))
-point_columns = [
-    'shape',
-    'place',
-]  # before them 'intensity', 'rgb', where the scans have both: ['intensity', 'rgb', ...]
+point_columns = None  # what all scans have of intensity and colour, found from them, then 'shape' and 'place'
 train_pipeline = [
     dict(type='ColorJitter'),
     dict(type='ShapeFeatures', cache='${cache_dir}'),

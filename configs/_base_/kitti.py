@@ -23,7 +23,7 @@ train_dataloader = dict(dataset=dict(ann_file='ImageSets/train.txt'))
 label_dataloader = dict(dataset=dict(ann_file='ImageSets/train.txt'))
 val_dataloader = dict(dataset=dict(ann_file='ImageSets/val.txt'))
 val_evaluator = [
-    dict(type='KittiMetric', classes='${classes}', metrics=['bev', '3d'])
+    dict(type='KittiMetric', classes='${classes}', metrics=['bev', '3d'], sampling='auto')  # official from 41 boxes on
 ]  # a list: mmengine reads the key `metrics` of a plain dict itself
 
 descriptor = dict(type='AdaptedPFH', radius=0.3, range_growth=0.1, max_neighbors=48)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numba
 import torch
 
+from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.experiments.benchmarks import (
     clicks_to_quality,
     descriptors,
@@ -45,8 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     commands = parser.add_subparsers(required=True, metavar='BENCHMARK')
     for benchmark in BENCHMARKS:
         command = commands.add_parser(benchmark.NAME, help=benchmark.HELP)
-        command.add_argument('--threads', type=int, default=1, help='threads of torch and of our kernels')
-        command.add_argument('--repeats', type=int, default=7, help='timed repeats; the median counts')
+        command.add_argument('--threads', type=whole(), default=1, help='threads of torch and of our kernels')
+        command.add_argument('--repeats', type=whole(), default=7, help='timed repeats; the median counts')
         command.add_argument('--json', type=Path, help='file that receives the numbers')
         benchmark.add_arguments(command)
         command.set_defaults(run=benchmark.run)

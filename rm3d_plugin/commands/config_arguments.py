@@ -50,7 +50,7 @@ def config_of(args: argparse.Namespace) -> Config:
 
     from rm3d_plugin.engine.run import set_threads
 
-    set_threads(int(config.threads))
+    set_threads(config.threads)
     init_default_scope(SCOPE)
     if args.demo:
         _make_demo_data(config)

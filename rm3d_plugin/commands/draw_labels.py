@@ -7,6 +7,7 @@ from pathlib import Path
 from mmengine.config import DictAction
 
 from rm3d_plugin.commands.config_arguments import config_of
+from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.reporting.draw_labels import draw_labels, source_of, source_of_dataset
 
@@ -40,8 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         '--out', type=Path, required=True, help='folder; or one file .csv, .json, .jsonl (clicks) or .html'
     )
     parser.add_argument('--budget', help='what to show, see below; default: as the config says, else 0p2pct')
-    parser.add_argument('--seed', type=int, help='chooses the draw; default: as the config says, else 0')
-    parser.add_argument('--scenes', type=int, default=8, help='scenes that the page shows; default 8')
+    parser.add_argument('--seed', type=whole(0), help='chooses the draw; default: as the config says, else 0')
+    parser.add_argument('--scenes', type=whole(0), default=8, help='scenes that the page shows; default 8')
     parser.add_argument('--demo', action='store_true', help='on synthetic demo data, made on first use')
     parser.add_argument(
         '--cfg-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help='change config keys'

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mmengine.config import DictAction
 
+from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.reporting.replay import RoundOfLabels, format_extremes, format_replay, source_of_run
 
@@ -18,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         epilog='Example: rm3d inspect_merges --labels work_dirs/x/labels --round 3 --replay tau=.7 gamma=.8',
     )
     parser.add_argument('--labels', type=Path, required=True, help='label store of a run: WORK_DIR/labels')
-    parser.add_argument('--round', type=int, help='which round; default: the one that training reads')
+    parser.add_argument('--round', type=whole(0), help='which round; default: the one that training reads')
     parser.add_argument('--scene', help='one scene; default: all')
     parser.add_argument(
         '--replay',
@@ -29,7 +30,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         'field of MergeRules or cbst_fraction, gamma=.8 thresholds=literal cbst_fraction=.2 say',
     )
     parser.add_argument(
-        '--ledger', nargs='?', const=10, type=int, metavar='COUNT', help='list strongest and weakest merges; default 10'
+        '--ledger',
+        nargs='?',
+        const=10,
+        type=whole(),
+        metavar='COUNT',
+        help='list strongest and weakest merges; default 10',
     )
     parser.add_argument('--config', type=Path, help='config of the run, for the truth; default: the one beside labels')
     args = parser.parse_args(arguments)

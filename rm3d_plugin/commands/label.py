@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mmengine.config import DictAction
 
+from rm3d_plugin.commands.numbers import number, whole
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.given_labels import clicked_labels, field_labels
 from rm3d_plugin.inference.label_files import (
@@ -120,7 +121,7 @@ def _parser() -> argparse.ArgumentParser:
         '--out', type=Path, required=True, metavar='FOLDER', help=f'for the labelled scans and {SUMMARY}'
     )
     parser.add_argument('--no-check', action='store_true', help='leave no clicks out: faster, no estimate')
-    parser.add_argument('--seed', type=int, default=0, help='of which clicks are left out together; default 0')
+    parser.add_argument('--seed', type=whole(0), default=0, help='of which clicks are left out together; default 0')
     _add_reading_and_writing(parser)
     _add_training(parser)
     return parser
@@ -147,7 +148,12 @@ def _add_reading_and_writing(parser: argparse.ArgumentParser) -> None:
 
 def _add_training(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('training')
-    group.add_argument('--train', type=float, metavar='MINUTES', help='train a network for so long, after the labels')
+    group.add_argument(
+        '--train',
+        type=number('minutes above 0', above=0.0),
+        metavar='MINUTES',
+        help='train a network for so long, after the labels',
+    )
     group.add_argument(
         '--more', nargs='+', type=Path, default=[], metavar='SCAN', help='scans without clicks that it predicts'
     )

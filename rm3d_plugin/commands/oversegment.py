@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mmengine.config import DictAction
 
+from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.inference.oversegment import oversegment_file
 
 
@@ -36,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         help='CSV (scene,x,y,z,class or scene,index,class) or JSON with some labelled points of the scan: theta and '
         'zeta of RegionGrowing are chosen by them',
     )
-    parser.add_argument('--target-regions', type=int, help='regions that --tune aims at; default: one for 150 points')
+    parser.add_argument(
+        '--target-regions', type=whole(), help='regions that --tune aims at; default: one for 150 points'
+    )
     for part in ('descriptor', 'oversegmenter'):
         parser.add_argument(
             f'--{part}-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help=f'of the {part}'

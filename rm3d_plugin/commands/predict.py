@@ -4,9 +4,11 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from rm3d_plugin.commands.numbers import ANY, METRES, SHARE, whole
 from rm3d_plugin.inference.predict import predict_files
 from rm3d_plugin.inference.predict_formats import FORMATS
 from rm3d_plugin.inference.predict_points import PointOptions
+from rm3d_plugin.storage.columns import ENDINGS
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -17,30 +19,38 @@ def main(arguments: Sequence[str] | None = None) -> None:
         'scans',
         nargs='+',
         type=Path,
-        help='scans, or folders of them; detector: .bin, segmentor: .ply .pcd .las .laz .npy .npz .bin .txt .csv .xyz',
+        help=f'scans, or folders of them; detector: .bin, segmentor: {" ".join(ENDINGS)}',
     )
     parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
     parser.add_argument(
-        '--min-score', type=float, help='leave out boxes and instances that score lower; default 0.1 for boxes, else 0'
+        '--min-score', type=SHARE, help='leave out boxes and instances that score lower; default 0.1 for boxes, else 0'
     )
     parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...; default cpu')
     points = parser.add_argument_group('classes of points')
     points.add_argument('--format', choices=list(FORMATS), default='ply', help='what is written; default ply')
     points.add_argument(
-        '--tta-rotations', type=int, help='average over so many directions about z; default: as in the run'
+        '--tta-rotations', type=whole(), help='average over so many directions about z; default: as in the run'
     )
     points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
-    points.add_argument('--chunk', type=float, metavar='METRES', help='predict in chunks of this edge')
-    points.add_argument('--max-points', type=int, help='predict in chunks of at most so many points; default 1000000')
+    points.add_argument('--chunk', type=METRES, metavar='METRES', help='predict in chunks of this edge')
     points.add_argument(
-        '--unknown-below', type=float, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
+        '--max-points', type=whole(), help='predict in chunks of at most so many points; default 1000000'
+    )
+    points.add_argument(
+        '--unknown-below', type=SHARE, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
+    )
+    points.add_argument(
+        '--paint', action='store_true', help="colours show the classes; default: the scan's own, where it has some"
+    )
+    points.add_argument(
+        '--classify', action='store_true', help='LAS: classification holds the classes, and not the field label alone'
     )
     points.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
     points.add_argument(
         '--drop-nan', action='store_true', help='leave out points whose place is NaN, as organised PCD has them'
     )
     points.add_argument(
-        '--intensity-range', type=float, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
+        '--intensity-range', type=ANY, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
     )
     points.add_argument(
         '--labels',
@@ -52,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         '--fill', choices=['network', 'nearest'], help='with --labels: what names the other points; default nearest'
     )
     args = parser.parse_args(arguments)
+    if args.intensity_range is not None and not args.intensity_range[0] < args.intensity_range[1]:
+        parser.error(f'argument --intensity-range: expected LOW below HIGH, got {args.intensity_range}')
     options = PointOptions(
         format=args.format,
         tta_rotations=args.tta_rotations,
@@ -64,6 +76,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         nan_points='drop' if args.drop_nan else 'error',
         labels=args.labels,
         fill=args.fill,
+        paint=args.paint,
+        classify=args.classify,
     )
     for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
         print(path)

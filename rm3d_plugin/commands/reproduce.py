@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments import FORMATS, TABLES, Request, list_tables, make_table, to_format
 from rm3d_plugin.experiments.scenes import COLLECTIONS
@@ -42,15 +43,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--out', type=Path, help='folder of the results; default work_dirs/reproduce/TABLE')
     parser.add_argument('--format', choices=FORMATS, default='md', help='what to print; all are written; default md')
     training = parser.add_argument_group('tables that train')
-    training.add_argument('--seeds', type=int, nargs='+', default=[0, 1, 2], help='one run a seed; default 0 1 2')
-    training.add_argument('--jobs', type=int, default=1, help='runs at the same time, one thread each; default 1')
+    training.add_argument('--seeds', type=whole(0), nargs='+', default=[0, 1, 2], help='one run a seed; default 0 1 2')
+    training.add_argument('--jobs', type=whole(), default=1, help='runs at the same time, one thread each; default 1')
     training.add_argument('--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of every run')
     measured = parser.add_argument_group('tables that measure scenes')
-    measured.add_argument('--scenes', type=int, default=2, help='scenes of each kind; default 2')
+    measured.add_argument('--scenes', type=whole(), default=2, help='scenes of each kind; default 2')
     measured.add_argument(
-        '--points', type=int, default=20000, help='of each scene, nearest to its middle; 0: all; default 20000'
+        '--points', type=whole(0), default=20000, help='of each scene, nearest to its middle; 0: all; default 20000'
     )
-    measured.add_argument('--seed', type=int, default=0, help='of labels, turns and noise; default 0')
+    measured.add_argument('--seed', type=whole(0), default=0, help='of labels, turns and noise; default 0')
     measured.add_argument(
         '--data',
         nargs='+',

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rm3d_plugin.commands.config_arguments import add_config_arguments, check_config, config_of
+from rm3d_plugin.commands.numbers import METRES, whole
 
 if TYPE_CHECKING:
     from rm3d_plugin.engine.run import Evaluation
@@ -16,10 +17,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add_config_arguments(parser)
     parser.add_argument('checkpoint', help='checkpoint of a training run')
     points = parser.add_argument_group('segmentation; the same keys as model.inference of a config')
-    points.add_argument('--tta-rotations', type=int, help='average over so many directions about z')
+    points.add_argument('--tta-rotations', type=whole(), help='average over so many directions about z')
     points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
-    points.add_argument('--chunk', dest='chunk_size', type=float, metavar='METRES', help='in chunks of this edge')
-    points.add_argument('--max-points', type=int, help='in chunks of at most so many points')
+    points.add_argument('--chunk', dest='chunk_size', type=METRES, metavar='METRES', help='in chunks of this edge')
+    points.add_argument('--max-points', type=whole(), help='in chunks of at most so many points')
     args = parser.parse_args(arguments)
     check_config(args)
 

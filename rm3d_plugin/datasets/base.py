@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -16,6 +16,7 @@ from rm3d_plugin.storage.label_store import LabelStore
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, SceneError
 
 Labels = Literal['none', 'store', 'truth']
+Channel = Literal['intensity', 'rgb']
 BadScenes = Literal['error', 'skip']
 
 
@@ -79,7 +80,13 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             the start (see :meth:`check_scene`), and those that cannot be used are left out, with one warning that
             counts and names them.
         seed: Of the items' generators.
+        channels: What items have beside places, of intensity and rgb; None: all that a scan has.
+
+    Attributes:
+        alike: Whether all scans have the same channels.
     """
+
+    alike: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -89,7 +96,10 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         label_store: str | Path | None = None,
         bad_scenes: BadScenes = 'error',
         seed: int = 0,
+        channels: Sequence[Channel] | None = None,
     ) -> None:
+        for channel in channels or ():
+            check_choice('channels', channel, get_args(Channel))
         check_choice('labels', labels, get_args(Labels))
         check_choice('bad_scenes', bad_scenes, get_args(BadScenes))
         if labels == 'store' and label_store is None:
@@ -99,6 +109,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         self.label_store = None if label_store is None else LabelStore(label_store)
         self.bad_scenes: BadScenes = bad_scenes
         self.seed = seed
+        self.channels = channels
         self.pipeline = [TRANSFORMS.build(step) if isinstance(step, Mapping) else step for step in pipeline]
         self._scene_ids: tuple[str, ...] | None = None
 
@@ -208,7 +219,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             'scene_id': scene_id,
             'index': index,
             'num_points': len(cloud),
-            'points': features(cloud),
+            'points': self._features(cloud, scene_id),
             'point_index': np.arange(len(cloud)),
         }
         if self.labels == 'store':
@@ -217,6 +228,13 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             results |= _truth_labels(self.load_truth(index), len(cloud))
             results['annotation'] = self.annotation(index)
         return results
+
+    def _features(self, cloud: PointCloud, scene_id: str) -> Float[np.ndarray, 'points channels']:
+        there = [name for name, values in (('intensity', cloud.intensity), ('rgb', cloud.colors)) if values is not None]
+        wanted = there if self.channels is None else self.channels
+        if lacking := [name for name in wanted if name not in there]:
+            raise SceneError(f'scene {scene_id}: has no {lacking[0]}; take it out of `channels`')
+        return features(cloud, wanted)
 
     def _stored_labels(self, scene_id: str, num_points: int) -> dict[str, np.ndarray]:
         assert self.label_store is not None
@@ -259,12 +277,12 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         return good
 
 
-def features(cloud: PointCloud) -> Float[np.ndarray, 'points channels']:
-    """Coordinates, then intensity and colour where the scan has them; float32."""
+def features(cloud: PointCloud, channels: Sequence[str] = get_args(Channel)) -> Float[np.ndarray, 'points channels']:
+    """Coordinates, then intensity and colour where the scan has them and they are wanted; float32."""
     columns = [cloud.xyz]
-    if cloud.intensity is not None:
+    if cloud.intensity is not None and 'intensity' in channels:
         columns.append(cloud.intensity[:, None])
-    if cloud.colors is not None:
+    if cloud.colors is not None and 'rgb' in channels:
         columns.append(cloud.colors)
     return np.concatenate(columns, axis=1)
 

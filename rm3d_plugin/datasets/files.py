@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 
 Split = Literal['train', 'val', 'test']
 OtherLabels = Literal['error', 'ignore']
-SLOW = ('.txt', '.xyz', '.csv', '.laz')  # worth a cache
+SLOW = ('.txt', '.xyz', '.csv', '.laz', '.pts', '.ptx', '.e57', '.xyz_label_conf')  # worth a cache
 _LAYOUT = """
     {root}/
       train/   one scan a file, in any sub-folders: {endings}
@@ -47,12 +47,15 @@ class FilesDataset(SegmentationDataset):
         label_map: Raw label -> name or number of a class, or -1 = ignored; None: raw labels are class numbers.
         other_labels: What becomes of labels that ``label_map`` does not list: an error, or ignored.
         color_range: See :func:`rm3d_plugin.storage.scans.read_scan`; state it for dark scans in 16-bit colours.
-        intensity_range: What the intensity is divided by; None: as in the file.
+        intensity_range: Least and greatest intensity, which become 0 and 1; what lies outside is clipped. One number:
+            the greatest, above 0. None: as in the file.
         nan_points: See :func:`rm3d_plugin.storage.scans.read_scan`; 'drop' leaves out what organised PCD holds where
             nothing came back. Clicks by number then count the points that are kept.
         cache: See :class:`SegmentationDataset`; text and LAZ are kept there.
         common: Arguments of :class:`SegmentationDataset` and :class:`SceneDataset`.
     """
+
+    alike: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -66,7 +69,7 @@ class FilesDataset(SegmentationDataset):
         label_map: Mapping[int | str, int | str] | None = None,
         other_labels: OtherLabels = 'error',
         color_range: ColorRange = 'auto',
-        intensity_range: float | None = None,
+        intensity_range: float | Sequence[float] | None = None,
         nan_points: NanPoints = 'error',
         cache: str | Path | None = 'work_dirs/scene_cache',
         **common: Any,
@@ -76,8 +79,6 @@ class FilesDataset(SegmentationDataset):
         check_choice('nan_points', nan_points, get_args(NanPoints))
         check_choice('color_range', color_range, COLOR_RANGES)
         super().__init__(split, cache=cache, classes=classes, **common)
-        if intensity_range is not None and not intensity_range > 0:
-            raise ValueError(f'intensity_range: expected a number > 0, got {intensity_range}')
         if files is not None and ann_file is not None:
             raise ValueError('files and ann_file: expected one of them, got both')
         self.data_root = Path(data_root)
@@ -88,7 +89,7 @@ class FilesDataset(SegmentationDataset):
         self.label_map = None if label_map is None else class_numbers(label_map, self.classes)
         self.other_labels: OtherLabels = other_labels
         self.color_range = color_range
-        self.intensity_range = intensity_range
+        self.intensity_range = None if intensity_range is None else intensity_limits(intensity_range)
         self.nan_points: NanPoints = nan_points
         self._paths: dict[str, Path] = {}
 
@@ -173,7 +174,21 @@ class FilesDataset(SegmentationDataset):
         channels = {
             name: getattr(cloud, name) for name in ('xyz', 'colors', 'normals', 'curvature', 'origin', 'sensor')
         }
-        return PointCloud(intensity=cloud.intensity / np.float32(self.intensity_range), **channels)
+        low, high = self.intensity_range
+        intensity = ((cloud.intensity - np.float32(low)) / np.float32(high - low)).clip(0.0, 1.0)
+        return PointCloud(intensity=intensity, **channels)
+
+
+def intensity_limits(given: float | Sequence[float]) -> tuple[float, float]:
+    """Least and greatest intensity, of a pair or of the greatest alone.
+
+    Raises:
+        ValueError: The greatest is not above the least.
+    """
+    limits = (0.0, given) if isinstance(given, int | float) else tuple(given)
+    if not (len(limits) == 2 and all(isinstance(limit, int | float) for limit in limits) and limits[0] < limits[1]):
+        raise ValueError(f'intensity_range: expected a number > 0, or a pair LOW < HIGH, got {given}')
+    return float(limits[0]), float(limits[1])
 
 
 def class_numbers(label_map: Mapping[int | str, int | str], classes: tuple[str, ...]) -> dict[int, int]:

@@ -35,7 +35,8 @@ def fpfh(
         normals: (N, 3) unit normals; points with a zero normal are left out.
         radius: Metres; one for all points or one each. None takes the nearest ``max_neighbors`` at any distance.
         max_neighbors: Keep the nearest so many points, the centre among them (ties: the lowest number); None keeps all.
-        own_spfh: Add the point's own SPFH, so that each feature sums to 200: Open3D's reading. PCL's leaves it out.
+        own_spfh: Add the point's own SPFH, so that each feature sums to 200: Open3D's reading, in which pairs of equal
+            points have features of 0. PCL's leaves both out.
         octree: Over the same points, where there is one already.
 
     Returns:
@@ -79,6 +80,7 @@ class FPFH(Descriptor):
     """
 
     presets = PRESETS
+    version = 2
 
     def __init__(
         self,

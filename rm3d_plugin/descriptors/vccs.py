@@ -43,6 +43,7 @@ class VCCS(Descriptor):
     """
 
     presets = PRESETS
+    version = 2
 
     def __init__(
         self,

@@ -16,7 +16,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     """Read a checkpoint of this project; no code in it is run.
 
     Raises:
-        ConfigError: No such file, a damaged one, or one that holds no weights, or NaN among them.
+        ConfigError: No such file, a damaged one, or one that holds no weights, NaN among them, or text to be run.
     """
     path = Path(path)
     if not path.is_file():
@@ -29,6 +29,10 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         raise ConfigError(f'{path}: not a checkpoint that loads safely ({type(error).__name__}: {reason})') from error
     if not isinstance(state, dict) or not isinstance(state.get('state_dict'), dict):
         raise ConfigError(f'{path}: holds no weights; expected a checkpoint of `rm3d train`')
+    if 'config' in state.get('meta', ()):
+        raise ConfigError(
+            f'{path}: meta.config holds a config as Python text, which would run; no run of this project writes it'
+        )
     for name, value in state['state_dict'].items():
         if not isinstance(value, torch.Tensor) or not _is_sane(value):
             raise ConfigError(f'{path}: weight {name} is NaN, infinite or absurdly large; use an earlier checkpoint')
@@ -44,7 +48,7 @@ def check_whole(path: Path) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             damaged = archive.testzip()
-    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
         raise ConfigError(
             f'{path}: not a checkpoint that loads safely ({type(error).__name__}: {error}); cut off or foreign'
         ) from error

@@ -8,7 +8,7 @@ inside a longer string the value is written out. References are OmegaConf's, and
     train_dataloader = dict(dataset=dict(type='KittiDataset', data_root='${data_root}'))
 
 Four names are added: ``work_dir``, ``config_name``, ``is_demo`` and ``epochs`` (= rounds * sigma, the length of
-training). ``label_refreshes`` becomes a number where a config says None.
+training). ``label_refreshes`` and ``num_classes`` become numbers where a config says None.
 """
 
 import traceback
@@ -24,8 +24,11 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from rm3d_plugin.engine.config_files import ConfigError as ConfigError
-from rm3d_plugin.engine.config_files import find_config, shipped_bases, similar
+from rm3d_plugin.engine.config_files import find_config, pages_merge, shipped_bases, similar
+from rm3d_plugin.engine.config_pages import anchor_paths, check_names, pages
 from rm3d_plugin.engine.renamed_options import HINTS, RENAMED
+
+WHOLE = ('batch_size', 'accumulate', 'checkpoint_interval', 'val_rounds', 'warm_up_rounds', 'label_refreshes')
 
 
 def load_config(
@@ -63,7 +66,13 @@ def load_config(
     config.epochs = _count(config, 'rounds') * _count(config, 'sigma')
     if config.get('label_refreshes', 1) is None:
         config.label_refreshes = max(config.rounds - _count(config, 'warm_up_rounds') + 1, 1)
+    if 'num_classes' in config and 'class_names' in config:
+        _count_classes(config)
     resolved = Config(resolve(config.to_dict(), path), filename=config.filename)
+    for key in WHOLE:
+        if key in resolved:
+            _count(resolved, key)
+    _check_restarts(resolved)
     _import_custom_modules(resolved)
     return resolved
 
@@ -93,14 +102,17 @@ def _read(path: Path) -> Config:
     if path.suffix != '.py':
         raise ConfigError(f'{path}: expected a .py config, got {path.suffix or "no suffix"}')
     try:
-        with shipped_bases():
+        with shipped_bases(), pages_merge():
             config = Config.fromfile(str(path), import_custom_modules=False)
     except (ConfigError, SyntaxError, NameError, FileNotFoundError, KeyError, TypeError) as error:
         _close_files(error)
         if isinstance(error, ConfigError):
-            raise
+            raise ConfigError(f'{path}: {error}') from error
         raise ConfigError(f'{path}: cannot be read as a config ({type(error).__name__}: {error})') from error
     _refuse_old_names([*_dotted(config), *_dotted(config.get('demo') or {})], f'{path}: ')
+    found = pages(path)
+    check_names(config, found)
+    anchor_paths(config, found)
     return config
 
 
@@ -150,12 +162,15 @@ def _apply(config: Config, options: Mapping[str, Any]) -> None:
         raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in the config; keys: {sorted(config)}')
     for key, value in options.items():
         try:
-            config.merge_from_dict({key: deepcopy(value)})  # mmengine takes `_delete_` out of what it is given
+            with pages_merge():
+                config.merge_from_dict({key: deepcopy(value)})  # mmengine takes `_delete_` out of what it is given
+        except ConfigError as error:
+            raise ConfigError(f'--cfg-options {key[: key.rfind(".") + 1]}{error}') from error
         except (TypeError, KeyError) as error:
             parent, _, _ = key.rpartition('.')
             raise ConfigError(
                 f"--cfg-options {key}: {parent} holds no keys of its own; where it is a reference like '${{name}}', "
-                f'change what it refers to; where it is None, give {parent}._delete_=True first'
+                'change what it refers to'
             ) from error
 
 
@@ -164,6 +179,33 @@ def _count(config: Config, key: str) -> int:
     if not isinstance(value, int) or value < 1:
         raise ConfigError(f'{key}: expected a whole number from 1, got {value!r}')
     return value
+
+
+def _check_restarts(config: Config) -> None:
+    """Whether the periods of a schedule with restarts are as long as training."""
+    schedules = config.get('param_scheduler') or []
+    for schedule in schedules if isinstance(schedules, list) else [schedules]:
+        if isinstance(schedule, dict) and schedule.get('type') == 'CosineRestartLR':
+            periods, weights = schedule.get('periods') or [], schedule.get('restart_weights') or [1]
+            if len(weights) != len(periods) or sum(periods) < config.epochs:
+                raise ConfigError(
+                    f'periods={periods}, restart_weights={weights}: expected as many of both, and periods whose sum is '
+                    f'that of training, rounds x sigma = {config.epochs} epochs'
+                )
+
+
+def _count_classes(config: Config) -> None:
+    """Fill in ``num_classes`` where it is None."""
+    names = config.class_names
+    if not isinstance(names, list | tuple) or len(set(map(str, names))) < max(len(names), 1):
+        raise ConfigError(f'class_names: expected a list of names, each once, got {names!r}')
+    if config.num_classes is None:
+        config.num_classes = len(names)
+    if config.num_classes != len(names):
+        raise ConfigError(
+            f'num_classes={config.num_classes}: class_names has {len(names)}: {", ".join(map(str, names))}; leave '
+            'num_classes out, or name as many'
+        )
 
 
 def unknown_options(config: Config, options: Mapping[str, Any]) -> Sequence[str]:

@@ -1,9 +1,10 @@
 """Where config files lie: a user's own by path, those that come with RM3D by name."""
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from mmengine.config import Config
 
@@ -85,3 +86,67 @@ def shipped_bases() -> Iterator[None]:
         yield
     finally:
         Config._get_cfg_path = staticmethod(mmengines)
+
+
+@contextmanager
+def pages_merge() -> Iterator[None]:
+    """Within this block pages and options go on from others by our rules, stricter and easier than mmengine's.
+
+    A dict may follow None or a word (``columns = dict(...)`` after ``columns = None``) without ``_delete_``; but not a
+    reference (``'${name}'``), since who gives keys of one may mean to change what it refers to. A number, a list or a
+    switch stays one.
+    """
+    mmengines = Config._merge_a_into_b
+
+    def merge(new: dict[str, Any], old: Any, allow_list_keys: bool = False) -> Any:
+        if isinstance(old, dict):
+            _check_kinds(new, old)
+            gone = [key for key, value in new.items() if _lacks_base(value) and _is_plain(old.get(key, 0))]
+            old = old.copy()
+            for key in gone:
+                del old[key]
+        return mmengines(new, old, allow_list_keys)
+
+    Config._merge_a_into_b = staticmethod(merge)
+    try:
+        yield
+    finally:
+        Config._merge_a_into_b = staticmethod(mmengines)
+
+
+def _is_plain(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and '${' not in value)
+
+
+def _lacks_base(value: Any) -> bool:
+    return isinstance(value, dict) and '_delete_' not in value
+
+
+KINDS: tuple[tuple[str, tuple[type, ...]], ...] = (
+    ('True or False', (bool,)),
+    ('a number', (int, float)),
+    ('a list', (list, tuple)),
+    ('text', (str,)),
+)
+
+
+def _check_kinds(new: Mapping[str, Any], old: Mapping[str, Any]) -> None:
+    """Refuse a plain value of another kind than the one that it replaces; None and references may stand anywhere."""
+    for key, value in new.items():
+        before, after = _kind(old.get(key)), _kind(value)
+        if before is not None and after is not None and after not in (before, _one_of(old[key])):
+            raise ConfigError(f'{key}: expected {before}, as {old[key]!r} is, got {value!r}')
+
+
+def _one_of(before: Any) -> str | None:
+    """What may stand for a list of one, and a list for it."""
+    if isinstance(before, list | tuple):
+        return _kind(before[0]) if before else None
+    return 'a list' if _kind(before) == 'a number' else None
+
+
+def _kind(value: Any) -> str | None:
+    """None: it may be replaced by anything."""
+    if isinstance(value, str) and '${' in value:
+        return None
+    return next((name for name, types in KINDS if isinstance(value, types)), None)

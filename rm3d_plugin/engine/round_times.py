@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rm3d_plugin.storage import read_json, write_json
+from rm3d_plugin.storage import content_of, read_json, write_json
 from rm3d_plugin.visualization import RoundTime
 
 
@@ -49,8 +49,10 @@ class RoundTimes:
         self.path = Path(folder) / 'timing.json'
         self._content: dict[str, Any] = {'labels': {}, 'predicting': {}, 'evaluating': {}, 'epochs': {}}
         if epoch and self.path.is_file():
-            self._content |= read_json(self.path)
-            self._content['epochs'] = {k: v for k, v in self._content['epochs'].items() if int(k) <= epoch}
+            with content_of(self.path, 'the times of a run'):
+                self._content |= read_json(self.path)
+                self._content['epochs'] = {k: v for k, v in self._content['epochs'].items() if int(k) <= epoch}
+                self.rounds()
 
     def labels(self, round: int, making: Seconds, predicting: Seconds, evaluating: Seconds) -> None:
         """The labels of a round were made, and evaluated.
@@ -80,15 +82,17 @@ class RoundTimes:
         rows = []
         for name in sorted(self._content['labels'], key=int):
             labels, training = _total([self._content['labels'][name]]), self.training(int(name))
-            predicting = _total([self._content['predicting'][name]])
-            evaluating = _total(entry for entry in [self._content['evaluating'].get(name)] if entry)
+            predicting, evaluating = (_total(self._known(part, name)) for part in ('predicting', 'evaluating'))
             share = labels.cpu / training.cpu if training.cpu else None
             rows.append(RoundTime(int(name), labels.wall, predicting.wall, training.wall, share, evaluating.wall))
         return rows
+
+    def _known(self, part: str, name: str) -> list[Any]:
+        return [self._content[part][name]] if name in self._content[part] else []
 
 
 def _total(entries: Any) -> Seconds:
     total = Seconds()
     for entry in entries:
-        total = total.plus(Seconds(entry['wall'], entry['cpu']))
+        total = total.plus(Seconds(float(entry['wall']), float(entry['cpu'])))
     return total

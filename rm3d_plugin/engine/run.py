@@ -1,8 +1,7 @@
 """From a resolved config to a run: train, prepare, score."""
 
+import json
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +11,9 @@ from mmengine.runner import Runner
 
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.config_errors import config_errors
 from rm3d_plugin.engine.distributed import use_launcher
+from rm3d_plugin.engine.found_inputs import find_inputs, take_inputs
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints
 from rm3d_plugin.engine.work_dir import (
     check_same_settings,
@@ -26,13 +27,18 @@ from rm3d_plugin.ops import _parallel
 from rm3d_plugin.registry import DATASETS, TASK_UTILS
 from rm3d_plugin.storage import write_json
 from rm3d_plugin.storage.written_files import record_writes
-from rm3d_plugin.user_error import UserError
 
 DEMO_NOTE = 'Demo data: the scenes are synthetic, scanned by virtual sensors; scores say nothing of real scans.'
 
 
 def set_threads(count: int) -> None:
-    """Threads of our kernels; 0 = one for each core this process may use. Torch's own operations take one thread."""
+    """Threads of our kernels; 0 = one for each core this process may use. Torch's own operations take one thread.
+
+    Raises:
+        ConfigError: The number is negative.
+    """
+    if not isinstance(count, int) or count < 0:
+        raise ConfigError(f'threads: expected a whole number from 0 (all cores), got {count!r}')
     _parallel.set_threads(count or _parallel.free_cores())
 
 
@@ -69,6 +75,8 @@ def train(
     if amp:
         use_amp(config)
     check_data(config, 'train_dataloader', 'val_dataloader')
+    with config_errors(config):
+        find_inputs(config)
     work_dir = Path(config.work_dir)
     with lock_work_dir(work_dir):
         checkpoint = choose_checkpoint(work_dir, resume, overwrite)
@@ -135,28 +143,23 @@ def check_data(config: Config, *dataloaders: str) -> None:
             dataset.find_scenes()
 
 
-@contextmanager
-def config_errors(config: Config) -> Iterator[None]:
-    """Turn what a wrong type or setting raises while parts are built into a :class:`ConfigError`."""
-    try:
-        yield
-    except UserError:
-        raise
-    except (TypeError, KeyError, ValueError, AssertionError, AttributeError) as error:
-        text = str(error.args[0]) if error.args else type(error).__name__
-        what = text.partition('. Please check')[0]
-        raise ConfigError(f'{config.get("config_name", "config")}: {what}; correct the config or option') from error
-
-
 def build_loops(runner: Runner) -> None:
-    """Build the loops and their dataloaders, which mmengine leaves until training: a wrong setting is told now.
+    """Build what mmengine leaves until training (loops, dataloaders, optimizer, schedules): what is wrong is told now.
 
     Args:
         runner: Whose ``train`` follows.
+
+    Raises:
+        ConfigError: The model has no loss.
     """
+    if not len(getattr(getattr(runner.model, 'module', runner.model), 'losses', [None])):
+        raise ConfigError('losses: the list is empty, or all of it is None: nothing can be learnt')
     _ = runner.train_loop
     if runner.cfg.get('val_dataloader') is not None:
         _ = runner.val_loop
+    runner.optim_wrapper = runner.build_optim_wrapper(runner.optim_wrapper)
+    if runner.param_schedulers is not None:
+        runner.param_schedulers = runner.build_param_scheduler(runner.param_schedulers)
 
 
 def prepare(config: Config, jobs: int = 1) -> None:
@@ -201,6 +204,11 @@ def evaluate(config: Config, checkpoint: str | Path) -> Evaluation:
     """
     state = read_checkpoint(checkpoint)
     check_data(config, 'test_dataloader')
+    with config_errors(config):
+        if 'config_json' in state.get('meta', {}):
+            take_inputs(config, json.loads(state['meta']['config_json']))
+        else:
+            find_inputs(config)
     config.custom_hooks = []
     with config_errors(config):
         runner = Runner.from_cfg(config)

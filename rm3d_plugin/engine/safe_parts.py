@@ -34,6 +34,29 @@ def check_own_parts(config: Any, where: str) -> None:
             check_own_parts(value, f'{where}[{number}]')
 
 
+def check_sizes(config: Any, where: str, largest: float) -> None:
+    """Look through the config of a network before it is built: no number in it may be larger than the network.
+
+    Args:
+        config: Nested mappings and sequences.
+        where: Of the config, for the message.
+        largest: Numbers that the weights hold; a network of more would only be built to be refused.
+
+    Raises:
+        ConfigError: A number is larger.
+    """
+    if isinstance(config, Mapping):
+        for key, value in config.items():
+            check_sizes(value, f'{where}.{key}', largest)
+    elif isinstance(config, list | tuple):
+        for number, value in enumerate(config):
+            check_sizes(value, f'{where}[{number}]', largest)
+    elif isinstance(config, int | float) and abs(config) > largest:
+        raise ConfigError(
+            f'{where}: {config:g} is larger than the network, whose weights are {largest:g} numbers at most'
+        )
+
+
 def _check_type(name: Any, where: str) -> None:
     for part in OWN:
         part.import_from_location()

@@ -11,7 +11,7 @@ from mmengine.dist import is_main_process
 
 from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
-from rm3d_plugin.storage import read_json, remove_unfinished, write_json
+from rm3d_plugin.storage import content_of, read_json, remove_unfinished, write_json
 from rm3d_plugin.storage.locks import folder_lock
 from rm3d_plugin.storage.written_files import record_writes, remove_written, written_files
 
@@ -93,7 +93,9 @@ def check_same_settings(work_dir: Path, settings: Mapping[str, Any]) -> None:
     path = work_dir / SETTINGS
     if not path.is_file():
         return
-    before, now = leaves(read_json(path)), leaves(settings)
+    with content_of(path, 'the settings of a run'):
+        before = leaves({**read_json(path)})
+    now = leaves(settings)
     differing = sorted(key for key in {*before, *now} if before.get(key, _NONE) != now.get(key, _NONE))
     if differing:
         told = '; '.join(f'{key}: {before.get(key, _NONE)} then, {now.get(key, _NONE)} now' for key in differing[:5])

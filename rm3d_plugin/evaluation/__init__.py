@@ -3,6 +3,7 @@
 from rm3d_plugin.evaluation.instance_seg_metric import InstanceSegMetric
 from rm3d_plugin.evaluation.kitti_metric import KittiMetric
 from rm3d_plugin.evaluation.overseg_metric import OversegMetric
+from rm3d_plugin.evaluation.panoptic_quality import PanopticQuality
 from rm3d_plugin.evaluation.pseudo_label_metric import PseudoLabelMetric
 from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, records_of
 from rm3d_plugin.evaluation.s3dis_instance_metric import S3DISInstanceMetric
@@ -13,6 +14,7 @@ __all__ = [
     'InstanceSegMetric',
     'KittiMetric',
     'OversegMetric',
+    'PanopticQuality',
     'PseudoLabelMetric',
     'RecordedMetric',
     'S3DISInstanceMetric',

@@ -12,12 +12,14 @@ Recall = Literal['R40', 'R11']
 
 RECALLS: tuple[Recall, ...] = ('R40', 'R11')
 HEADLINE = ('3d', 'moderate', 'R40')
+INTERPOLATED = ', interpolated'
 
 
 def kitti_records(result: KittiAp, variant: str = '') -> list[ScoreRecord]:
     """Percent: ``Car_3d_moderate_R40@0.70`` of classes, and the means ``mAP_3d_moderate_R40``.
 
-    Cells without truth are left out; a mean is over the classes that have truth, and 0 where none has.
+    Cells without truth are left out; a mean is over the classes that have truth, and None where none has. What was
+    interpolated is called so.
 
     Args:
         result: The table.
@@ -27,7 +29,7 @@ def kitti_records(result: KittiAp, variant: str = '') -> list[ScoreRecord]:
     for entry in result.entries:
         for recall, value in (('R40', entry.r40), ('R11', entry.r11)) if entry.num_truth else ():
             key = f'{entry.class_name}_{entry.metric}_{entry.difficulty}_{recall}@{entry.iou:.2f}'
-            measure, at = f'{entry.metric} AP {recall}', f'@ {entry.iou:.2f}'
+            measure, at = f'{entry.metric} AP {recall}', f'@ {entry.iou:.2f}' + INTERPOLATED * entry.interpolated
             records.append(ScoreRecord(key, value, 'boxes', measure, entry.class_name, at, entry.difficulty))
     for metric in dict.fromkeys(entry.metric for entry in result.entries):
         for level in DIFFICULTIES:
@@ -38,12 +40,14 @@ def kitti_records(result: KittiAp, variant: str = '') -> list[ScoreRecord]:
 
 def _mean(result: KittiAp, metric: Metric, level: Difficulty, recall: Recall, variant: str) -> ScoreRecord:
     words = f'3D AP, {variant or "official"} IoU' if (metric, level, recall) == HEADLINE else ''
+    mean = result.mean(metric, level, 'r40' if recall == 'R40' else 'r11')
+    interpolated = any(entry.interpolated for entry in result.counted(metric, level))
     return ScoreRecord(
         key=f'mAP_{metric}_{level}_{recall}' + (f'_{variant}' if variant else ''),
-        value=result.mean(metric, level, 'r40' if recall == 'R40' else 'r11'),
+        value=None if math.isnan(mean) else mean,
         table='boxes',
         measure=f'{metric} AP {recall}',
-        variant=variant,
+        variant=(variant + INTERPOLATED * interpolated).removeprefix(', '),
         level=level,
         headline=words,
     )

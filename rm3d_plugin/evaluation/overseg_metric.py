@@ -9,7 +9,7 @@ from rm3d_plugin.evaluation.functional.boundary import BoundaryCounts, boundary_
 from rm3d_plugin.evaluation.point_fields import numpy_of
 from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import SceneError, evaluated_fields
 
 
 @METRICS.register_module()
@@ -44,8 +44,7 @@ class OversegMetric(RecordedMetric):
     def process(self, data_batch: Any, data_samples: Sequence[Any]) -> None:
         """Count every scene of a batch."""
         for sample in data_samples:
-            fields = sample if isinstance(sample, Mapping) else sample.to_dict()
-            self.results.append(self._count(fields))
+            self.results.append(self._count(evaluated_fields(sample)))
 
     def score(self, results: list[BoundaryCounts]) -> list[ScoreRecord]:
         """The numbers over all scenes; nothing where there was no scene."""

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from jaxtyping import Float, Int
 
 from rm3d_plugin.ops.segment import scatter_rows
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import SceneError, evaluated_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +40,21 @@ class PointTruth:
 
 
 def numpy_of(values: Any) -> np.ndarray:
-    """A tensor or anything array-like as an array."""
-    array: np.ndarray = values.detach().cpu().numpy() if hasattr(values, 'detach') else np.asarray(values)
+    """A tensor or anything array-like as an array; bfloat16, which numpy lacks, becomes float32."""
+    if not isinstance(values, torch.Tensor):
+        return np.asarray(values)
+    tensor = values.detach().cpu()
+    array: np.ndarray = (tensor.float() if tensor.dtype == torch.bfloat16 else tensor).numpy()
     return array
 
 
 def fields_of(sample: Any, needed: Sequence[str], metric: str) -> Mapping[str, Any]:
-    """The fields of a sample.
+    """The fields of a sample of ours or of mmdetection3d, with the truth that it is evaluated against.
 
     Raises:
         SceneError: One of ``needed`` is absent.
     """
-    fields: Mapping[str, Any] = sample if isinstance(sample, Mapping) else sample.to_dict()
+    fields = evaluated_fields(sample)
     if missing := [name for name in needed if fields.get(name) is None]:
         raise SceneError(
             f'{metric}: scene {fields.get("scene_id", "")}: the sample has no {", ".join(missing)}; the model writes '
@@ -86,7 +90,7 @@ def point_truth(fields: Mapping[str, Any], rows: int, metric: str) -> PointTruth
         instance, index = fields.get('pts_instance_mask'), np.arange(len(semantic))
     truth = PointTruth(
         semantic=_integers(semantic),
-        instance=None if instance is None else _integers(instance),
+        instance=None if instance is None else _numbers(instance),
         index=_integers(index),
         original=None if original is None else _integers(original),
     )
@@ -105,12 +109,31 @@ def _integers(values: Any) -> Int[np.ndarray, ' rows']:
     return numpy_of(values).astype(np.int64)
 
 
+def _numbers(values: Any) -> Int[np.ndarray, ' rows']:
+    """Instance numbers; unsigned ones of 64 bits, hashes say, are counted from 0 anew where they do not fit."""
+    given = numpy_of(values)
+    fits = given.dtype != np.uint64 or given.max(initial=0) <= np.iinfo(np.int64).max
+    return given.astype(np.int64) if fits else np.unique(given, return_inverse=True)[1].reshape(-1)
+
+
 def predicted_classes(probabilities: Float[np.ndarray, 'points classes']) -> Int[np.ndarray, ' points']:
     """Most likely class; -1 where the row is not finite or all zero."""
     if not probabilities.shape[1]:
         return np.full(len(probabilities), -1, dtype=np.int64)
     known = np.isfinite(probabilities).all(axis=1) & (probabilities > 0).any(axis=1)
     return np.where(known, np.nan_to_num(probabilities).argmax(axis=1), -1).astype(np.int64)
+
+
+def semantic_rows(fields: Mapping[str, Any], metric: str) -> Int[np.ndarray, ' rows']:
+    """Predicted classes: ``pred_pts_semantic_mask`` (n,), or the likeliest of ``pred_point_probs`` (n, C).
+
+    Raises:
+        SceneError: Neither is there.
+    """
+    if fields.get('pred_pts_semantic_mask') is not None:
+        return numpy_of(fields['pred_pts_semantic_mask']).astype(np.int64)
+    fields_of(fields, ['pred_point_probs'], metric)
+    return predicted_classes(numpy_of(fields['pred_point_probs']))
 
 
 def class_names(classes: Sequence[str] | None, meta: Mapping[str, Any] | None, metric: str) -> tuple[str, ...]:
@@ -123,6 +146,12 @@ def class_names(classes: Sequence[str] | None, meta: Mapping[str, Any] | None, m
     if not names:
         raise ValueError(f'{metric}: no classes; pass classes=(...) or use a data set whose metainfo names them')
     return tuple(names)
+
+
+def ignored_values(ignored: Sequence[int], meta: Mapping[str, Any] | None) -> tuple[int, ...]:
+    """True values that do not count: those of the metric, and ``ignore_index`` of a data set of mmdetection3d."""
+    further = (meta or {}).get('ignore_index')
+    return (*ignored, int(further)) if isinstance(further, int | np.integer) else tuple(ignored)
 
 
 def chosen_classes(

@@ -8,7 +8,7 @@ from typing import Any, Literal, final
 
 from mmengine.evaluator import BaseMetric, Evaluator
 
-Table = Literal['points', 'instances', 'boxes', 'pseudo labels', 'regions', 'agreement']
+Table = Literal['points', 'instances', 'segments', 'boxes', 'pseudo labels', 'regions', 'agreement']
 Level = Literal['', 'easy', 'moderate', 'hard']
 
 

@@ -18,10 +18,10 @@ from rm3d_plugin.evaluation.point_fields import (
     class_names,
     fields_of,
     format_columns,
-    numpy_of,
+    ignored_values,
     percent,
     point_truth,
-    predicted_classes,
+    semantic_rows,
 )
 from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
 from rm3d_plugin.registry import METRICS
@@ -36,11 +36,12 @@ class SemSegMetric(RecordedMetric):
 
     Reads of each sample ``pred_point_probs`` (n, C; further columns, such as background, count as no class) or
     ``pred_pts_semantic_mask`` (n,), and the truth ``pts_semantic_mask`` (n,) or that of the whole scene, see
-    :func:`~rm3d_plugin.evaluation.point_fields.point_truth`; points that were not predicted are then wrong.
+    :func:`~rm3d_plugin.evaluation.point_fields.point_truth`; points that were not predicted are then wrong. Samples of
+    mmdetection3d are read, too: ``pred_pts_seg`` against ``eval_ann_info``.
 
     Args:
         classes: Names of the class numbers; None: those of the data set.
-        ignored: True values that do not count.
+        ignored: True values that do not count, besides ``ignore_index`` of the data set's metainfo.
         absent: 'skip' or 'zero' for a class that is predicted, but has no truth.
         accuracy_over: 'known', or 'predicted' as SemanticKITTI's program.
         labels: What ``pts_semantic_mask`` holds, as the data set has it: 'truth', or 'store': pseudo labels of the run
@@ -73,13 +74,10 @@ class SemSegMetric(RecordedMetric):
         count = len(class_names(self.classes, self.dataset_meta, 'SemSegMetric'))
         for sample in data_samples:
             fields = fields_of(sample, [], 'SemSegMetric')
-            if fields.get('pred_pts_semantic_mask') is not None:
-                rows = numpy_of(fields['pred_pts_semantic_mask']).astype(np.int64)
-            else:
-                fields_of(fields, ['pred_point_probs'], 'SemSegMetric')
-                rows = predicted_classes(numpy_of(fields['pred_point_probs']))
+            rows = semantic_rows(fields, 'SemSegMetric')
             truth = point_truth(fields, len(rows), 'SemSegMetric')
-            self.results.append(confusion_counts(truth.scatter(rows, -1), truth.semantic, count, self.ignored))
+            ignored = ignored_values(self.ignored, self.dataset_meta)
+            self.results.append(confusion_counts(truth.scatter(rows, -1), truth.semantic, count, ignored))
 
     def score(self, results: list[np.ndarray]) -> list[ScoreRecord]:
         """The numbers over all scenes; the table goes to the log."""

@@ -7,7 +7,14 @@ from typing import Any
 import numpy as np
 
 from rm3d_plugin.evaluation.functional.semantic_iou import confusion_counts
-from rm3d_plugin.evaluation.point_fields import class_names, fields_of, numpy_of, point_truth, predicted_classes
+from rm3d_plugin.evaluation.point_fields import (
+    class_names,
+    fields_of,
+    ignored_values,
+    numpy_of,
+    point_truth,
+    predicted_classes,
+)
 from rm3d_plugin.evaluation.sem_seg_metric import SemSegMetric
 from rm3d_plugin.registry import METRICS
 from rm3d_plugin.storage.label_store import LabelStore
@@ -49,4 +56,5 @@ class UnlabelledSemSegMetric(SemSegMetric):
             if self.keep_labels:
                 known = labels.semantic[whole]
                 said = np.where(known >= 0, known, said)
-            self.results.append(confusion_counts(said, semantic, count, self.ignored))
+            ignored = ignored_values(self.ignored, self.dataset_meta)
+            self.results.append(confusion_counts(said, semantic, count, ignored))

@@ -18,6 +18,7 @@ from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.inference.predict import check_names
 from rm3d_plugin.inference.predict_formats import (
     BENCHMARKS,
+    ScanFile,
     ScanPrediction,
     check_format,
     main_file,
@@ -258,7 +259,8 @@ def write_scan(
         }  # fmt: skip
         return [write_labelled(scan, out / target_name(scan, SAME), columns, added)]
     said = ScanPrediction(found.semantic if kind in BENCHMARKS else label, found.confidence)
-    return write_prediction(kind, out, output_name(scan, kind), cloud, said, given.names)
+    file = ScanFile(scan, columns, cloud)
+    return write_prediction(kind, out, output_name(scan, kind), file, said, given.names)
 
 
 def summary_of(written: WrittenScan, given: GivenLabels) -> dict[str, Any]:

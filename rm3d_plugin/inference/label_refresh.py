@@ -1,6 +1,7 @@
 """Labels once more, with a trained network where labels that it was not taught speak for it; and further scans."""
 
 import time
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -48,19 +49,29 @@ def label_again(
     Raises:
         ConfigError: See :func:`train_network`.
         SceneError: A scan cannot be used.
+
+    Warns:
+        UserWarning: Further scans are predicted although no label speaks for the network.
     """
     network, config = train_network(files, kind, out / 'training', options, time.monotonic())
-    judges = judges_of(config)
+    judges, heard = judges_of(config), False
     for scan in tqdm(files.scans, desc='label again', unit='scan', disable=None):
         found = _with_network(files, scan, network, judges[scan.stem])
         prepared = files.prepared(scan)
         cloud, paths = prepared.cloud, []
+        heard |= bool(found.network_weight)
         if found.network_weight:
             paths = write_scan(scan, prepared.columns, cloud, found, files.given, out, files.options.format)
         written = WrittenScan(scan, scan_kind(cloud), found, paths)
         if paths:
             summary.add(scan.stem, summary_of(written, files.given))
         yield written
+    if more and not heard:
+        warnings.warn(
+            f'--more: {len(more)} scans are predicted by a network for which clicks that it was not taught speak on '
+            'none of the labelled scans: look at the result, click more points, or give more minutes',
+            stacklevel=2,
+        )
     for scan in tqdm(more, desc='predict', unit='scan', disable=None):
         written = _predicted(files, scan, network, out)
         summary.add(scan.stem, summary_of(written, files.given))

@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +12,7 @@ from mmengine.config import Config
 from mmengine.registry import init_default_scope
 
 from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.engine.found_inputs import sensed, shared_channels
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
 from rm3d_plugin.engine.run import set_threads, train
 from rm3d_plugin.inference.given_labels import GivenLabels
@@ -21,7 +22,6 @@ from rm3d_plugin.inference.scan_kind import Kind
 from rm3d_plugin.inference.trained import load_network
 from rm3d_plugin.registry import SCOPE
 from rm3d_plugin.storage import Click, read_json, write_clicks, write_text
-from rm3d_plugin.structures import PointCloud
 
 ROUNDS = 3  # of training, as in the configs; one where the time is short
 PACE_EPOCHS = 3  # that are trained to measure one; the first, which compiles, does not count
@@ -159,9 +159,7 @@ def _inputs(files: LabelledFiles, folder: Path, place: bool) -> dict[str, Any]:
     given, clicks, named = files.given, folder / 'clicks.json', files.options.columns
     write_clicks(clicks, clicks_of(given), given.names)
     write_text(folder / 'scans.txt', ''.join(f'{scan.resolve()}\n' for scan in files.scans))
-    clouds = [files.prepared(scan).scene.cloud for scan in files.scans]
-    sensed = sensor_columns(clouds)
-    brightest = max((float(cloud.intensity.max()) for cloud in clouds if cloud.intensity is not None), default=0.0)
+    shared = shared_channels([sensed(scan.stem, files.prepared(scan).scene.cloud) for scan in files.scans])
     return {
         'data_root': str(folder.resolve()),
         'scan_list': 'scans.txt',
@@ -169,11 +167,9 @@ def _inputs(files: LabelledFiles, folder: Path, place: bool) -> dict[str, Any]:
         'cache_dir': str(folder / 'cache'),
         'class_names': list(given.names),
         'num_classes': len(given.names),
-        **({'columns': named} if named else {'columns._delete_': True, 'columns.label': None}),
+        'columns': named or {'label': None},
         'other_labels': 'ignore',
-        'intensity_range': brightest if brightest > 1 else None,
-        'point_columns': [*sensed, *OWN],
-        'use_columns': [*sensed, *(OWN if place else OWN[:1])],
+        'use_columns': [*shared, *(OWN if place else OWN[:1])],
         'log_level': 'ERROR',
     }
 
@@ -185,21 +181,3 @@ def clicks_of(given: GivenLabels) -> list[Click]:
         for name, labels in given.scans.items()
         for point, semantic in zip(labels.points, labels.semantic, strict=True)
     ]
-
-
-def sensor_columns(clouds: Sequence[PointCloud]) -> list[str]:
-    """What the scans have beside places: of intensity and rgb.
-
-    Raises:
-        ConfigError: Some have it and others have not, so that no network reads all.
-    """
-    there = {
-        'intensity': [cloud.intensity is not None for cloud in clouds],
-        'rgb': [cloud.colors is not None for cloud in clouds],
-    }
-    for name, has in there.items():
-        if any(has) and not all(has):
-            raise ConfigError(
-                f'--train: {sum(has)} of {len(has)} scans have {name}; expected all or none: label them apart'
-            )
-    return [name for name, has in there.items() if all(has)]

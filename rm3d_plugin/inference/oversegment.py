@@ -12,7 +12,7 @@ from mmengine.registry import Registry
 import rm3d_plugin.descriptors
 import rm3d_plugin.oversegmentation  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.inference.outputs import check_targets
+from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.label_budgets.clicks import resolve_clicks
 from rm3d_plugin.ops.segment import scatter_rows
@@ -99,6 +99,7 @@ def oversegment_file(
         ConfigError: A part, argument or ending is not known, or needs a package that is not installed.
     """
     out = Path(out)
+    check_folder(Path(out).parent)
     check_targets([out], [Path(scan), *([Path(tune)] if tune else [])], out)
     if out.suffix.lower() not in ENDINGS:
         raise ConfigError(f'{out}: unknown ending {out.suffix!r}; expected one of {" ".join(ENDINGS)}')

@@ -1,6 +1,6 @@
 """What is predicted of a scan, in the format that somebody asked for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,15 +10,20 @@ from jaxtyping import Float, Int
 from rm3d_plugin.datasets import scannet_format, semantic3d_format, semantickitti_format
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.models.heads.proposals import Instances
+from rm3d_plugin.ops.segment import first_mask
 from rm3d_plugin.storage import write_npz
+from rm3d_plugin.storage.columns import RGB
 from rm3d_plugin.storage.exports import (
+    las_classes,
     need_laspy,
     write_instance_text,
     write_label_words,
     write_las,
     write_numbers,
 )
-from rm3d_plugin.storage.ply import write_ply
+from rm3d_plugin.storage.kept_columns import kept_names
+from rm3d_plugin.storage.labelled import write_labelled
+from rm3d_plugin.storage.text_columns import plain_name
 from rm3d_plugin.structures import PointCloud
 from rm3d_plugin.visualization.palette import region_colors
 
@@ -48,11 +53,31 @@ class ScanPrediction:
     @property
     def instance(self) -> Int[np.ndarray, ' points']:
         """Best instance of each point, -1 = none, or the class of the point is unknown."""
-        numbers = np.full(len(self.semantic), -1, dtype=np.int64)
-        if self.instances is not None:
-            for row in reversed(range(len(self.instances.masks))):
-                numbers[self.instances.masks[row]] = row
-        return np.where(self.semantic < 0, -1, numbers)
+        if self.instances is None:
+            return np.full(len(self.semantic), -1, dtype=np.int64)
+        return np.where(self.semantic < 0, -1, first_mask(self.instances.masks))
+
+
+@dataclass(frozen=True, eq=False)
+class ScanFile:
+    """A scan as it was read, for formats that keep what it holds.
+
+    Attributes:
+        path: The file.
+        columns: (N,) numbers by name, of the points that were read.
+        cloud: The same points.
+        whole: Whether these are all points of the file.
+        paint: Colours show the classes, and those of the scan are kept as ``input_red`` ...; False: only where the scan
+            has none.
+        classify: ``classification`` of LAS holds the classes, and that of the scan is kept as ``input_classification``.
+    """
+
+    path: Path
+    columns: Mapping[str, np.ndarray]
+    cloud: PointCloud
+    whole: bool = True
+    paint: bool = False
+    classify: bool = False
 
 
 def world_xyz(cloud: PointCloud) -> Float[np.ndarray, 'points 3']:
@@ -72,26 +97,52 @@ def _point_columns(found: ScanPrediction) -> dict[str, np.ndarray]:
     return columns
 
 
-def _ply(out: Path, name: str, cloud: PointCloud, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
-    xyz, colors = world_xyz(cloud), np.round(class_colors(found.semantic) * 255).astype(np.uint8)
-    columns = {axis: xyz[:, i] for i, axis in enumerate('xyz')}
-    columns |= {axis: colors[:, i] for i, axis in enumerate(('red', 'green', 'blue'))}
-    columns |= {'label': found.semantic.astype(np.int32)} | _point_columns(found)
-    return [write_ply(out / f'{name}.ply', columns)]
+def _with_places(scan: ScanFile) -> dict[str, np.ndarray]:
+    """The columns of a file, x, y and z first and under these names."""
+    if {*'xyz'} <= scan.columns.keys():
+        return dict(scan.columns)
+    return dict(zip('xyz', world_xyz(scan.cloud).T, strict=True)) | dict(scan.columns)
 
 
-def _las(out: Path, name: str, cloud: PointCloud, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
+def _bytes_of(colors: Float[np.ndarray, 'points 3']) -> dict[str, np.ndarray]:
+    return dict(zip(RGB, np.round(colors * 255).astype(np.uint8).T, strict=True))
+
+
+def _has_colors(scan: ScanFile) -> bool:
+    return {*RGB} <= {plain_name(name) for name in scan.columns}
+
+
+def _ply(out: Path, name: str, scan: ScanFile, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
+    added = {'label': found.semantic.astype(np.int32)} | _point_columns(found)
+    if scan.paint or not _has_colors(scan):
+        added |= _bytes_of(class_colors(found.semantic))
+    return [write_labelled(scan.path, out / f'{name}.ply', _with_places(scan), added)]
+
+
+def _las(out: Path, name: str, scan: ScanFile, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
+    target = out / f'{name}.las'
+    if scan.path.suffix.lower() in ('.las', '.laz') and scan.whole:
+        added = {'label': found.semantic.astype(np.int32)} | _point_columns(found)
+        if scan.classify:
+            added['classification'] = las_classes(found.semantic)
+        return [write_labelled(scan.path, target, scan.columns, added)]
+    cloud = scan.cloud
     xyz = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
-    colors = class_colors(found.semantic)
-    return [write_las(out / f'{name}.las', xyz, colors, found.semantic, _point_columns(found), classes)]
+    colors = class_colors(found.semantic) if scan.paint or cloud.colors is None else cloud.colors
+    return [write_las(target, xyz, colors, found.semantic, _point_columns(found), classes, scan.columns)]
 
 
-def _npz(out: Path, name: str, cloud: PointCloud, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
-    arrays = {'xyz': cloud.xyz, 'origin': np.asarray(cloud.origin), 'label': found.semantic.astype(np.int32)}
-    arrays |= _point_columns(found) | {'classes': np.array(list(classes) or [''])}
+def _npz(out: Path, name: str, scan: ScanFile, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
+    added = {'label': found.semantic.astype(np.int32)} | _point_columns(found)
+    added |= {'classes': np.array(list(classes) or [''])}
     if found.instances is not None:
-        arrays |= {'instance_labels': found.instances.labels, 'instance_scores': found.instances.scores}
-    return [write_npz(out / f'{name}.npz', arrays)]
+        added |= {'instance_labels': found.instances.labels, 'instance_scores': found.instances.scores}
+    if scan.path.suffix.lower() == '.npz' and scan.whole:
+        return [write_labelled(scan.path, out / f'{name}.npz', scan.columns, added)]
+    added |= {'xyz': scan.cloud.xyz, 'origin': np.asarray(scan.cloud.origin)}
+    kept = {column: values for column, values in scan.columns.items() if column not in tuple('xyz')}
+    names = kept_names(kept, added)
+    return [write_npz(out / f'{name}.npz', added | {names[column]: values for column, values in kept.items()})]
 
 
 def benchmark_ids(
@@ -113,7 +164,7 @@ def benchmark_ids(
     return table[semantic]
 
 
-def _scannet(out: Path, name: str, cloud: PointCloud, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
+def _scannet(out: Path, name: str, scan: ScanFile, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
     scene = name.removesuffix('_vh_clean_2')
     files = [write_numbers(out / 'semantic' / f'{scene}.txt', benchmark_ids('scannet', found.semantic, classes))]
     if found.instances is not None:
@@ -123,18 +174,16 @@ def _scannet(out: Path, name: str, cloud: PointCloud, found: ScanPrediction, cla
     return files
 
 
-def _semantickitti(
-    out: Path, name: str, cloud: PointCloud, found: ScanPrediction, classes: Sequence[str]
-) -> list[Path]:
+def _semantickitti(out: Path, name: str, scan: ScanFile, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
     ids = benchmark_ids('semantickitti', found.semantic, classes)
     return [write_label_words(out / f'{name}.label', ids, found.instance + 1)]
 
 
-def _semantic3d(out: Path, name: str, cloud: PointCloud, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
+def _semantic3d(out: Path, name: str, scan: ScanFile, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:
     return [write_numbers(out / f'{name}.labels', benchmark_ids('semantic3d', found.semantic, classes))]
 
 
-Writer = Callable[[Path, str, PointCloud, ScanPrediction, Sequence[str]], list[Path]]
+Writer = Callable[[Path, str, ScanFile, ScanPrediction, Sequence[str]], list[Path]]
 FORMATS: dict[str, Writer] = {
     'ply': _ply,
     'las': _las,
@@ -161,7 +210,7 @@ def check_format(name: str, classes: Sequence[str]) -> None:
 
 
 def write_prediction(
-    kind: str, out: Path, name: str, cloud: PointCloud, found: ScanPrediction, classes: Sequence[str]
+    kind: str, out: Path, name: str, scan: ScanFile, found: ScanPrediction, classes: Sequence[str]
 ) -> list[Path]:
     """Write what is predicted of a scan.
 
@@ -169,14 +218,14 @@ def write_prediction(
         kind: One of :data:`FORMATS`.
         out: Folder.
         name: Of the scan, without an ending.
-        cloud: The scan, all points.
+        scan: The scan, all points.
         found: On all its points.
         classes: Class names.
 
     Returns:
         The files, without those of single instance masks.
     """
-    return FORMATS[kind](out, name, cloud, found, classes)
+    return FORMATS[kind](out, name, scan, found, classes)
 
 
 def main_file(scan: Path, kind: str) -> str:

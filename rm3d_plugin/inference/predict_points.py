@@ -14,20 +14,23 @@ from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import features
 from rm3d_plugin.datasets.downsampled import KeptPoints, keep_points
+from rm3d_plugin.datasets.files import intensity_limits
 from rm3d_plugin.datasets.semantic3d_format import GREATEST, LEAST
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.point_fields import predicted_classes
-from rm3d_plugin.inference.predict_formats import ScanPrediction, check_format, output_name, write_prediction
+from rm3d_plugin.inference.predict_formats import ScanFile, ScanPrediction, check_format, output_name, write_prediction
 from rm3d_plugin.inference.trained import TrainedNetwork
 from rm3d_plugin.models.heads.proposals import Instances
 from rm3d_plugin.models.segmentors.scene_inference import Flip
 from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label
 from rm3d_plugin.storage import LabelStore
-from rm3d_plugin.storage.scans import ColorRange, NanPoints, read_scan
+from rm3d_plugin.storage.columns import Columns, read_columns
+from rm3d_plugin.storage.scans import ColorRange, NanPoints, rows_with_place, scan_of_columns
 from rm3d_plugin.structures import PointCloud, PseudoLabels, SceneError
 
 MAX_POINTS = 1_000_000  # scans with more are predicted in chunks, where neither run nor user says otherwise
+OUTLIERS = 0.005  # share of the points whose intensity may be clipped without a word: mirrors in the sun
 NEUTRAL = 0.5  # what the network reads as no colour and no intensity
 Range = tuple[float, float]
 Fill = Literal['network', 'nearest']
@@ -52,6 +55,8 @@ class PointOptions:
             name.
         fill: What names the other points of these scans: the network, or the nearest point with a label. None: the
             nearest, which is about a point of mIoU better on single real scans (docs/RESULTS.md).
+        paint: See :class:`rm3d_plugin.inference.predict_formats.ScanFile`, as the next.
+        classify: Of LAS.
     """
 
     format: str = 'ply'
@@ -65,6 +70,8 @@ class PointOptions:
     nan_points: NanPoints = 'error'
     labels: Path | None = None
     fill: Fill | None = None
+    paint: bool = False
+    classify: bool = False
 
     def given(self) -> list[str]:
         """Names of the options that are not their defaults."""
@@ -82,6 +89,7 @@ class Segmenter:
         voxel_downsample: Metres to which scans are thinned, as in the run; None: they are not.
         intensity_range: See :class:`PointOptions`; None: the intensity is taken as it is.
         color_range: See :func:`rm3d_plugin.storage.scans.read_scan`.
+        columns: The user's, or those of the run, but for labels.
         options: The user's.
     """
 
@@ -91,6 +99,7 @@ class Segmenter:
     voxel_downsample: float | None
     intensity_range: Range | None
     color_range: ColorRange
+    columns: str | Columns | None
     options: PointOptions
 
     @classmethod
@@ -116,7 +125,8 @@ class Segmenter:
         thin = dataset.get('voxel_downsample', 0.05 if _is(dataset, 'Semantic3DDataset') else None)
         intensity = options.intensity_range or trained_intensity_range(dataset)
         color = dataset.get('color_range', 'auto')
-        return cls(model, network.pipeline, network.classes, thin, intensity, color, options)
+        columns = options.columns or _without_labels(dataset.get('columns'))
+        return cls(model, network.pipeline, network.classes, thin, intensity, color, columns, options)
 
     def read(self, path: Path) -> PointCloud:
         """Read a scan with the columns that the network wants.
@@ -124,9 +134,28 @@ class Segmenter:
         Raises:
             SceneError: The file cannot be used.
         """
-        options = self.options
-        cloud = read_scan(path, options.columns, self.color_range, nan_points=options.nan_points).cloud
-        return fit_channels(cloud, self.model.inputs.columns, self.model.inputs.used, self.intensity_range, path.name)
+        return self.fitted(self.read_file(path))
+
+    def read_file(self, path: Path) -> ScanFile:
+        """Read a scan with all that it holds.
+
+        Raises:
+            SceneError: The file cannot be used.
+        """
+        options, named = self.options, self.columns
+        names, given = (named, None) if named is None or isinstance(named, str) else ('', named)
+        columns = read_columns(path, names)
+        cloud = scan_of_columns(columns, path, given, self.color_range, nan_points=options.nan_points).cloud
+        whole = len(cloud) == len(next(iter(columns.values())))
+        if not whole:
+            rows = rows_with_place(columns, given, path)
+            columns = {name: values[rows] for name, values in columns.items()}
+        return ScanFile(path, columns, cloud, whole, options.paint, options.classify)
+
+    def fitted(self, scan: ScanFile) -> PointCloud:
+        """The points of a scan with the channels that the network wants."""
+        inputs = self.model.inputs
+        return fit_channels(scan.cloud, inputs.columns, inputs.used, self.intensity_range, scan.path.name)
 
     def predict(self, cloud: PointCloud, name: str = 'scan') -> ScanPrediction:
         """Predict all points of a cloud, thinned ones by the point that stands for them; stray ones are unknown.
@@ -189,6 +218,13 @@ class Segmenter:
             return self.model.test_step(pseudo_collate([item]))[0]
 
 
+def _without_labels(columns: str | Columns | None) -> str | Columns | None:
+    """Columns of a run without those of labels, which scans to be predicted need not have."""
+    if columns is None or isinstance(columns, str):
+        return columns
+    return {part: name for part, name in columns.items() if part not in ('label', 'instance')} or None
+
+
 def own_labels(labels: Path, scene: str, points: int) -> PseudoLabels | None:
     """Labels that a run has of a scan; None, with a warning, where it has none.
 
@@ -246,8 +282,8 @@ def trained_intensity_range(dataset: Mapping[str, Any]) -> Range | None:
     if _is(dataset, 'Semantic3DDataset'):
         return LEAST, GREATEST
     if _is(dataset, 'FilesDataset'):
-        greatest = dataset.get('intensity_range')
-        return None if greatest is None else (0.0, float(greatest))
+        given = dataset.get('intensity_range')
+        return None if given is None else intensity_limits(given)
     return 0.0, 1.0
 
 
@@ -295,7 +331,7 @@ def _unit_intensity(
     low, high = limits
     unit = (intensity - low) / (high - low)
     outside = float(((unit < 0) | (unit > 1)).mean()) if len(unit) else 0.0
-    if outside > 0:
+    if outside > OUTLIERS:
         warnings.warn(
             f'{name}: intensity: {100 * outside:.1f} % of the points lie outside {low:g} to {high:g} and are clipped; '
             'pass --intensity-range LOW HIGH as the sensor has it',
@@ -322,9 +358,9 @@ def predict_points(segmenter: Segmenter, scans: Sequence[Path], out: Path, min_s
     kind = segmenter.options.format
     segmenter.model.progress = lambda chunks: tqdm(chunks, desc='chunks', unit='chunk', leave=False, disable=None)
     for scan in tqdm(scans, desc='predict', unit='scan', disable=None):
-        cloud = segmenter.read(scan)
-        found = segmenter.predict(cloud, scan.name)
+        file = segmenter.read_file(scan)
+        found = segmenter.predict(segmenter.fitted(file), scan.name)
         if found.instances is not None:
             keep = found.instances.scores >= min_score
             found = replace(found, instances=Instances(*(part[keep] for part in found.instances)))
-        yield from write_prediction(kind, out, output_name(scan, kind), cloud, found, segmenter.classes)
+        yield from write_prediction(kind, out, output_name(scan, kind), file, found, segmenter.classes)

@@ -1,6 +1,8 @@
 """A trained network with what its run knew, from its checkpoint alone."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,12 @@ from mmengine.registry import init_default_scope
 
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.safe_parts import check_own_parts
+from rm3d_plugin.engine.safe_parts import check_own_parts, check_sizes
 from rm3d_plugin.registry import MODELS, SCOPE, TRANSFORMS
+from rm3d_plugin.storage.files import MALFORMED
+from rm3d_plugin.user_error import UserError
+
+_SMALL = 1 << 20  # a size that is no danger, however small the network
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +46,23 @@ def load_network(checkpoint: str | Path, device: str = 'cpu') -> TrainedNetwork:
             our own.
     """
     state = read_checkpoint(checkpoint)
-    if 'config_json' not in state.get('meta', {}):
+    if not isinstance(state.get('meta'), dict) or 'config_json' not in state['meta']:
         raise ConfigError(f'{checkpoint}: holds no config; expected a checkpoint of `rm3d train`')
     config = _config_of(state, checkpoint)
     dataset = config.val_dataloader.dataset
     check_own_parts(config.model, f'{checkpoint}: model')
     check_own_parts(dataset.pipeline, f'{checkpoint}: pipeline')
+    held = sum(weight.numel() for weight in state['state_dict'].values())
+    sizes = {key: value for key, value in config.model.items() if key != 'inference'}  # what may be larger: chunks
+    check_sizes(sizes, f'{checkpoint}: model', max(held, _SMALL))
     init_default_scope(SCOPE)
-    model = MODELS.build(config.model)
-    load_weights(model, state, checkpoint)
-    pipeline = [TRANSFORMS.build(step) for step in dataset.pipeline]
-    names = dataset.get('classes') or (state['meta'].get('dataset_meta') or {}).get('classes') or ()
-    return TrainedNetwork(model.to(find_device(device)).eval(), pipeline, config, tuple(names))
+    with _parts_of(checkpoint):
+        model = MODELS.build(config.model)
+        load_weights(model, state, checkpoint)
+        pipeline = [TRANSFORMS.build(step) for step in dataset.pipeline]
+        names = dataset.get('classes') or (state['meta'].get('dataset_meta') or {}).get('classes') or ()
+        classes = tuple(map(str, names))
+    return TrainedNetwork(model.to(find_device(device)).eval(), pipeline, config, classes)
 
 
 def _config_of(state: dict[str, Any], checkpoint: str | Path) -> Config:
@@ -59,11 +70,25 @@ def _config_of(state: dict[str, Any], checkpoint: str | Path) -> Config:
         config = Config(json.loads(state['meta']['config_json']))
     except (ValueError, TypeError) as error:
         raise ConfigError(f'{checkpoint}: its config is damaged ({error}); copy it again') from error
-    if not isinstance(config.get('model'), dict) or 'pipeline' not in (
-        config.get('val_dataloader', {}).get('dataset') or {}
-    ):
+    with _parts_of(checkpoint):
+        whole = isinstance(config.get('model'), dict) and isinstance(config.val_dataloader.dataset.pipeline, list)
+    if not whole:
         raise ConfigError(f'{checkpoint}: its config has no model or no val_dataloader with a pipeline')
     return config
+
+
+@contextmanager
+def _parts_of(checkpoint: str | Path) -> Iterator[None]:
+    """Within it, the parts that a checkpoint's config names are built."""
+    try:
+        yield
+    except UserError:
+        raise
+    except (*MALFORMED, AssertionError, RuntimeError, MemoryError) as error:
+        raise ConfigError(
+            f'{checkpoint}: its config cannot be built ({type(error).__name__}: {error}); copy it again, or use the '
+            'version that wrote it'
+        ) from error
 
 
 def find_device(name: str) -> torch.device:

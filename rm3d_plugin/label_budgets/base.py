@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Int
 
-from rm3d_plugin.storage.files import read_json, write_json
+from rm3d_plugin.storage.files import MALFORMED, read_json, write_json
 from rm3d_plugin.structures import SceneError
 
 AnyBudget = TypeVar('AnyBudget')
@@ -75,7 +75,9 @@ def read_budget(path: str | Path, version: int, build: Callable[[dict[str, Any]]
         if content['format'] != version:
             raise BudgetError(f'{path}: format {content["format"]}, expected {version}; draw the budget again')
         budget, digest = build(content)
-    except (KeyError, TypeError, AttributeError) as error:
+    except BudgetError as error:
+        raise error if str(path) in str(error) else BudgetError(f'{path}: {error}') from error
+    except MALFORMED as error:
         raise BudgetError(
             f'{path}: not a label budget ({error!r}); a training run draws one; start it without --resume'
         ) from error

@@ -1,6 +1,7 @@
 """Lists that others drew: points for each scene (ScanNet's data-efficient benchmark), or scenes labelled completely."""
 
 import re
+import zipfile
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +14,7 @@ from rm3d_plugin.label_budgets.base import BudgetError
 from rm3d_plugin.label_budgets.point_amount import PointAmount
 from rm3d_plugin.label_budgets.points import PointBudget, RowsOf, TruthOf, collect_budget
 from rm3d_plugin.storage.files import read_json
+from rm3d_plugin.storage.npy import read_archive
 
 # What a saved mapping of names to index arrays may be made of, by the old and the new name of numpy's core.
 _ARRAY_PARTS = ('_reconstruct', 'scalar')
@@ -114,11 +116,9 @@ def _load(path: Path) -> Any:
     if path.suffix == '.json':
         return read_json(path)
     if path.suffix in ('.npz', '.npy'):
-        loaded = np.load(path, allow_pickle=False)
-        if not isinstance(loaded, np.lib.npyio.NpzFile):
+        if not zipfile.is_zipfile(path):
             raise ValueError('an .npy file holds one array; numpy.savez(NAME, **lists) makes an .npz of a mapping')
-        with loaded:
-            return {name: loaded[name] for name in loaded.files}
+        return read_archive(path)
     return _load_torch(path)
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from rm3d_plugin.labeling.sources import LabelSource
-from rm3d_plugin.storage import content_key, read_json, write_json
+from rm3d_plugin.storage import content_key, content_of, read_json, write_json
 from rm3d_plugin.structures import SceneError
 
 DATA = 'data.json'
@@ -29,7 +29,8 @@ def check_data(folder: Path, source: LabelSource, keep: bool) -> None:
         return
     before = read_json(path)
     for scene, hashes in now.items():
-        changed = [what for what, digest in hashes.items() if before.get(scene, {}).get(what) != digest]
+        with content_of(path, 'the data of a run'):
+            changed = [what for what, digest in hashes.items() if before.get(scene, {}).get(what) != digest]
         if changed:
             raise SceneError(
                 f'scene {scene}: its {" and ".join(changed)} changed since the run began (or their order); '

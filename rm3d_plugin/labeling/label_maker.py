@@ -16,7 +16,7 @@ from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.storage import LabelStore
-from rm3d_plugin.structures import LabelStatistics, PseudoLabels, Regions
+from rm3d_plugin.structures import LabelStatistics, PseudoLabels, Regions, SceneError
 
 Log = Callable[[str], None]
 Predictions = Iterable[tuple[str, PointPrediction]]
@@ -129,7 +129,8 @@ class LabelMaker(ABC):
             number: The round.
             predictions: Of the scenes of this process.
         """
-        own = {scene: uncertainty(prediction.probabilities) for scene, prediction in predictions}
+        checked = self.checked(predictions)
+        own = {scene: uncertainty(prediction.probabilities) for scene, prediction in checked}
         scores = {scene: values for part in all_gather_object(own) for scene, values in part.items()}
         self.source.extend(number, scores)
         self.forget()
@@ -147,8 +148,31 @@ class LabelMaker(ABC):
 
     def refresh_all(self, number: int, predictions: Predictions) -> None:
         """Write the labels of every scene of this process, in the order they come; all processes enter together."""
-        for scene_id, prediction in self.look_ahead(number, predictions):
+        for scene_id, prediction in self.look_ahead(number, self.checked(predictions)):
             self.refresh(number, scene_id, prediction)
+
+    def checked(self, predictions: Predictions) -> Predictions:
+        """The same predictions, each of which fits its scene.
+
+        Raises:
+            SceneError: A scene is none of the source, or its prediction has not a row for each of its points and a
+                column for each class (and background, in detection).
+        """
+        sizes = {scene: entry.points for scene, entry in self.store.scenes(0).items()}
+        columns = len(self.source.classes) + (self.task == 'detection')
+        what = 'classes, background last' if self.task == 'detection' else 'classes'
+        for scene, prediction in predictions:
+            if scene not in sizes:
+                raise SceneError(
+                    f'scene {scene} was predicted, but is none of the {len(sizes)} that labels are made of'
+                )
+            if (found := prediction.probabilities.shape) != (sizes[scene], columns):
+                raise SceneError(
+                    f'scene {scene}: pred_point_probs: expected {sizes[scene]} rows (one a point of the scene) and '
+                    f'{columns} columns ({what}), got {found}; where '
+                    'the pipeline drops points, the sample needs point_index and metainfo num_points'
+                )
+            yield scene, prediction
 
     def finish(self, number: int, summary: Mapping[str, Any], log: Log = print) -> None:
         """Close a round.

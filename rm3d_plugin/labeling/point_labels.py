@@ -9,10 +9,12 @@ from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.labeling.walker import WalkerLabelMaker
+from rm3d_plugin.pseudo_labels import segmentation_rules
 from rm3d_plugin.pseudo_labels.common.strategy import Strategy
 from rm3d_plugin.registry import TASK_UTILS
 
 PointStrategy = Literal['default', 'regions', 'paper']
+RULES = ('merge', 'propagation', 'region_prior', 'ground', 'self_training')
 GEOMETRY = ('cache', 'descriptor', 'oversegmenter', 'graph_neighbors', 'max_gap')
 
 
@@ -40,7 +42,11 @@ def point_label_maker(
         random_walk: Fields of :class:`~rm3d_plugin.pseudo_labels.propagation.WalkerRules`.
         instances: Whether the walk carries instances, too; merged regions always do.
         settings: Further arguments of :class:`SegmentationLabelMaker`.
+
+    Raises:
+        ValueError: A value is not allowed, also one that the strategy does not read.
     """
+    segmentation_rules(**{name: settings[name] for name in RULES if name in settings})
     if not propagate:
         return AnnotatedLabelMaker(store, source)
     if strategy not in get_args(PointStrategy):

@@ -6,14 +6,16 @@ from typing import Any, Literal, final, get_args
 
 import torch
 from mmengine.model import BaseModel
+from mmengine.structures import BaseDataElement
 from torch import Tensor, nn
 
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.consistency import View, kept_statistics
 from rm3d_plugin.models.losses.loss_term import LossTerm
 from rm3d_plugin.models.outputs import PointOutput
+from rm3d_plugin.models.preprocessor import join_inputs
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import LabelStatistics, SceneSample
+from rm3d_plugin.structures import LabelStatistics, SceneSample, nest_predictions
 
 Mode = Literal['loss', 'predict', 'tensor']
 LossConfigs = Sequence[dict[str, Any] | None]
@@ -67,11 +69,11 @@ class PointModel(BaseModel):
         """Run backbone and heads."""
 
     @abstractmethod
-    def labels(self, samples: Sequence[SceneSample], batch: Batch, outputs: Any) -> Any:
+    def labels(self, samples: Sequence[BaseDataElement], batch: Batch, outputs: Any) -> Any:
         """What is known of a batch, as a named tuple: what the losses get."""
 
     @abstractmethod
-    def predict(self, batch: Batch, samples: list[SceneSample]) -> None:
+    def predict(self, batch: Batch, samples: list[BaseDataElement]) -> None:
         """Fill in the predictions of every scene, on the CPU; gradients are off."""
 
     @abstractmethod
@@ -113,30 +115,40 @@ class PointModel(BaseModel):
     def forward(
         self,
         inputs: dict[str, Any],
-        data_samples: Sequence[SceneSample] | None = None,
+        data_samples: Sequence[BaseDataElement] | None = None,
         mode: Mode = 'tensor',
     ) -> Any:
         """Losses by name, samples with predictions (fresh ones where none are given), or the plain outputs.
 
         Args:
-            inputs: As :class:`ScenePreprocessor` gives them.
-            data_samples: One a scene.
+            inputs: As :class:`ScenePreprocessor` gives them, or still one tensor a scene, as a preprocessor of
+                another project leaves them.
+            data_samples: One a scene: ``SceneSample``, or ``Det3DDataSample`` of mmdetection3d, which then gets its
+                predictions in its own layout, too.
             mode: What to do.
+
+        Raises:
+            ValueError: The mode is unknown, or there is not one sample a scene.
+            SceneError: Samples do not fit their scenes, or have nothing to learn from.
         """
         if mode not in get_args(Mode):
             raise ValueError(f'mode: expected one of {get_args(Mode)}, got {mode!r}')
         batch = self._batch(inputs)
         if mode == 'loss':
-            return self._loss(batch, data_samples or [])
+            return self._loss(batch, _one_a_scene(data_samples or (), batch))
         if mode == 'predict':
-            given = [SceneSample() for _ in batch.sizes] if data_samples is None else list(data_samples)
+            fresh = [SceneSample() for _ in batch.sizes]
+            given = fresh if data_samples is None else _one_a_scene(data_samples, batch)
             with torch.no_grad():
                 self.predict(batch, given)
+            for sample in given:
+                nest_predictions(sample)
             return given
         return self.network(batch)
 
     @final
     def _batch(self, inputs: dict[str, Any]) -> Batch:
+        inputs = inputs if 'batch_offsets' in inputs else join_inputs(inputs)
         views = (View(**view, encode=self._encode_view, classify=self.classify) for view in inputs.get('views', ()))
         return Batch(inputs['points'], inputs['batch_offsets'], tuple(views))
 
@@ -146,7 +158,7 @@ class PointModel(BaseModel):
             return self.encode(points, batch_offsets)
 
     @final
-    def _loss(self, batch: Batch, samples: Sequence[SceneSample]) -> dict[str, Tensor]:
+    def _loss(self, batch: Batch, samples: Sequence[BaseDataElement]) -> dict[str, Tensor]:
         """What every entry of the list says, in its order.
 
         Raises:
@@ -161,3 +173,9 @@ class PointModel(BaseModel):
                 raise ValueError(f'losses: {key} and an entry before it both say {", ".join(sorted(twice))}')
             found.update(values)
         return found
+
+
+def _one_a_scene(samples: Sequence[BaseDataElement], batch: Batch) -> list[BaseDataElement]:
+    if len(samples) != len(batch.sizes):
+        raise ValueError(f'data_samples: expected {len(batch.sizes)}, one a scene, got {len(samples)}')
+    return list(samples)

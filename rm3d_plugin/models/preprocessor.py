@@ -1,5 +1,6 @@
 """From a list of scenes to one batch: points end to end, with offsets."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import torch
@@ -8,6 +9,7 @@ from torch import Tensor
 
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import SceneError
+from rm3d_plugin.user_error import UserError
 
 
 def join_scenes(parts: list[Tensor]) -> tuple[Tensor, Tensor]:
@@ -36,22 +38,38 @@ class ScenePreprocessor(BaseDataPreprocessor):
     ``points``, a list of (m, D), and ``point_ids``, a list of (m,): the row of its scene's points that each point of
     the view is. Out: ``inputs`` = dict of ``points`` (N, D), ``batch_offsets`` (B + 1,) and ``views``, a list of dicts
     of ``points``, ``batch_offsets`` and ``point_ids`` (rows of the joined ``points``). A view in which no scene of the
-    batch has a point is left out.
+    batch has a point is left out. Batches of mmdetection3d (``Pack3DDetInputs``) are such batches, and their samples
+    are left as they are.
     """
 
     def forward(self, data: Any, training: bool = False) -> dict[str, Any]:
         """Join the scenes of one batch.
 
         Raises:
+            UserError: The pipeline does not pack its scenes.
             SceneError: A view and its point ids differ in length, or an id lies outside its scene.
         """
         data = self.cast_data(data)
-        inputs = data['inputs']
-        points, offsets = join_scenes(inputs['points'])
-        given = enumerate(inputs.get('views', ()))
-        views = [_joined_view(view, offsets, f'views[{i}]') for i, view in given if any(map(len, view['points']))]
-        joined = {'points': points, 'batch_offsets': offsets, 'views': views}
-        return {'inputs': joined, 'data_samples': data.get('data_samples')}
+        if 'inputs' not in data:
+            raise UserError(f'pipeline: hands out {", ".join(sorted(data))}, no inputs; it must end with PackScene')
+        return {'inputs': join_inputs(data['inputs']), 'data_samples': data.get('data_samples')}
+
+
+def join_inputs(inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Join the scenes of a batch and those of its views; see :class:`ScenePreprocessor`.
+
+    Raises:
+        SceneError: There are no points, or a view does not fit.
+    """
+    if not isinstance(parts := inputs.get('points'), list | tuple) or not parts:
+        raise SceneError(
+            f'inputs.points: expected a list of (n, D) tensors, one a scene, got {type(parts).__name__}; use '
+            'collate_fn=dict(type="pseudo_collate")'
+        )
+    points, offsets = join_scenes(list(parts))
+    given = enumerate(inputs.get('views', ()))
+    views = [_joined_view(view, offsets, f'views[{i}]') for i, view in given if any(map(len, view['points']))]
+    return {'points': points, 'batch_offsets': offsets, 'views': views}
 
 
 def _joined_view(view: dict[str, list[Tensor]], offsets: Tensor, name: str) -> dict[str, Tensor]:

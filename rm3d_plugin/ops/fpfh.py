@@ -45,11 +45,11 @@ def _bin(value, low, high):
 
 @njit(cache=True, nogil=True)
 def _count_pair(xyz, normals, i, j, counts):
-    """Count the pair feature of two points into three histograms; pairs without a frame count nowhere."""
+    """Count the pair feature of two points into three histograms; False for a pair without a frame."""
     dx, dy, dz = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     if length == 0.0:
-        return
+        return False
     along_i = (normals[i, 0] * dx + normals[i, 1] * dy + normals[i, 2] * dz) / length
     along_j = (normals[j, 0] * dx + normals[j, 1] * dy + normals[j, 2] * dz) / length
     source, target, phi = i, j, along_i
@@ -61,18 +61,29 @@ def _count_pair(xyz, normals, i, j, counts):
     vx, vy, vz = dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux
     size = np.sqrt(vx * vx + vy * vy + vz * vz)
     if size == 0.0:
-        return
+        return False
     vx, vy, vz = vx / size, vy / size, vz / size
     wx, wy, wz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     theta = np.arctan2(wx * tx + wy * ty + wz * tz, ux * tx + uy * ty + uz * tz)
     counts[_bin(theta, -np.pi, np.pi)] += np.float32(1)
     counts[FEATURE_BINS + _bin(vx * tx + vy * ty + vz * tz, -1.0, 1.0)] += np.float32(1)
     counts[2 * FEATURE_BINS + _bin(phi, -1.0, 1.0)] += np.float32(1)
+    return True
 
 
 @njit(cache=True, nogil=True)
-def _count_block(xyz, normals, usable, rank, offsets, indices, first, start, stop, counts, shares):
-    """Histograms of the pairs (centre, neighbour) for chunk rows ``start`` to ``stop``; what one pair adds."""
+def _count_zeros(counts):
+    """Count a pair whose three features are 0."""
+    for start in range(0, BINS, FEATURE_BINS):
+        counts[start + FEATURE_BINS // 2] += np.float32(1)
+
+
+@njit(cache=True, nogil=True)
+def _count_block(xyz, normals, usable, rank, offsets, indices, first, start, stop, own, counts, shares):
+    """Histograms of the pairs (centre, neighbour) for chunk rows ``start`` to ``stop``; what one pair adds.
+
+    With ``own``, Open3D's reading, a pair without a frame has features of 0; without it, PCL's, it counts nowhere.
+    """
     for row in range(start, stop):
         centre = first + row
         if not usable[centre]:
@@ -82,8 +93,8 @@ def _count_block(xyz, normals, usable, rank, offsets, indices, first, start, sto
             other = rank[indices[at]]
             if usable[other]:
                 members += 1
-                if other != centre:
-                    _count_pair(xyz, normals, centre, other, counts[centre])
+                if other != centre and not _count_pair(xyz, normals, centre, other, counts[centre]) and own:
+                    _count_zeros(counts[centre])
         if members > 1:
             shares[centre] = TOTAL / (members - 1)
 
@@ -128,7 +139,7 @@ def fast_histograms(
     The simplified histogram (SPFH) of a point counts theta, alpha and phi of the pairs (point, neighbour), each pair
     adding 100 / (members - 1). The result is the sum of the neighbours' SPFH over their squared distance (square
     metres), each feature's 11 bins scaled to sum to 100. Pairs of equal points, or along the source's normal, count
-    nowhere, yet remain among the members. Computed in float64.
+    nowhere, yet remain among the members; with ``own_spfh`` their features are 0, as in Open3D. Computed in float64.
 
     Args:
         points: (N, 3) metres.
@@ -159,7 +170,7 @@ def fast_histograms(
 
         def count(start: int, stop: int, first: int = first, found: Neighbors = found) -> None:
             near = (rank, found.offsets, found.indices)
-            _count_block(xyz, directions, usable, *near, first, start, stop, counts, shares)
+            _count_block(xyz, directions, usable, *near, first, start, stop, own_spfh, counts, shares)
 
         map_blocks(count, len(found), BLOCK)
     for first, found in _chunks(order, search, kept):

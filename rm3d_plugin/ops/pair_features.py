@@ -131,8 +131,8 @@ def _histogram(local, count, span_sq, histograms, bins):
 
 
 @njit(cache=True, nogil=True)
-def _histograms_block(points, normals, offsets, indices, spans, start, stop, values, valid, pairs):
-    """Fill ``values``, ``valid`` and ``pairs`` for neighbourhoods ``start`` to ``stop``."""
+def _histograms_block(points, normals, offsets, indices, spans, rows, start, stop, values, valid, pairs):
+    """Fill ``values``, ``valid`` and ``pairs`` at ``rows[start:stop]`` for neighbourhoods ``start`` to ``stop``."""
     width = 0
     for row in range(start, stop):
         width = max(width, offsets[row + 1] - offsets[row])
@@ -144,11 +144,12 @@ def _histograms_block(points, normals, offsets, indices, spans, start, stop, val
         if count < MIN_POINTS:
             continue
         used = _histogram(local, count, spans[row] * spans[row], histograms, bins)
-        pairs[row] = used
-        valid[row] = used > 0
+        at = rows[row]
+        pairs[at] = used
+        valid[at] = used > 0
         if used > 0:
             for column in range(values.shape[1]):
-                values[row, column] = histograms[0, column] / used
+                values[at, column] = histograms[0, column] / used
 
 
 def pair_histograms(
@@ -175,24 +176,45 @@ def pair_histograms(
     Raises:
         ValueError: Points, normals or spans do not fit.
     """
+    near = _local(points, normals)
+    count = len(neighbors)
+    if spans is not None and spans.shape != (count,):
+        raise ValueError(f'pair_histograms: spans: expected shape ({count},), got {spans.shape}')
+    result = _empty(count, ANGLE_BINS if spans is None else DISTANCE_BINS * ANGLE_BINS)
+    _fill(near, neighbors, spans, np.arange(count), result)
+    return result
+
+
+class _Local(NamedTuple):
+    """Points and normals as the kernels want them: float32, rows side by side."""
+
+    xyz: np.ndarray
+    normals: np.ndarray
+
+
+def _local(points: np.ndarray, normals: np.ndarray) -> _Local:
     if points.shape != normals.shape or points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f'pair_histograms: points {points.shape} and normals {normals.shape}: expected both (N, 3)')
-    rows = len(neighbors)
-    if spans is not None and spans.shape != (rows,):
-        raise ValueError(f'pair_histograms: spans: expected shape ({rows},), got {spans.shape}')
-    local = points - points.mean(axis=0) if points.dtype == np.float64 and len(points) else points
-    xyz, directions = np.ascontiguousarray(local, dtype=np.float32), np.ascontiguousarray(normals, dtype=np.float32)
-    reach = np.full(rows, np.inf, dtype=np.float32) if spans is None else spans.astype(np.float32)
-    bins = ANGLE_BINS if spans is None else DISTANCE_BINS * ANGLE_BINS
-    result = PairHistograms(
+    moved = points - points.mean(axis=0) if points.dtype == np.float64 and len(points) else points
+    return _Local(*(np.ascontiguousarray(array, dtype=np.float32) for array in (moved, normals)))
+
+
+def _empty(rows: int, bins: int) -> PairHistograms:
+    return PairHistograms(
         np.zeros((rows, bins), dtype=np.float32), np.zeros(rows, dtype=np.bool_), np.zeros(rows, dtype=np.int64)
     )
 
-    def work(start: int, stop: int) -> None:
-        _histograms_block(xyz, directions, neighbors.offsets, neighbors.indices, reach, start, stop, *result)
 
-    map_blocks(work, rows, BLOCK)
-    return result
+def _fill(
+    near: _Local, neighbors: Neighbors, spans: np.ndarray | None, rows: Int[np.ndarray, ' some'], result: PairHistograms
+) -> None:
+    """Write the histograms of some neighbourhoods into ``rows`` of a result."""
+    reach = np.full(len(rows), np.inf, dtype=np.float32) if spans is None else spans.astype(np.float32)
+
+    def work(start: int, stop: int) -> None:
+        _histograms_block(*near, neighbors.offsets, neighbors.indices, reach, rows, start, stop, *result)
+
+    map_blocks(work, len(rows), BLOCK)
 
 
 def histograms_of_points(
@@ -214,11 +236,9 @@ def histograms_of_points(
     Returns:
         One row a point.
     """
-    n = len(points)
-    values = np.zeros((n, bins), dtype=np.float32)
-    valid, pairs = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64)
-    for start in range(0, n, CHUNK):
-        rows = octree.order[start : start + CHUNK]
+    near, result = _local(points, normals), _empty(len(points), bins)
+    for start in range(0, len(points), CHUNK):
+        rows = octree.order[start : start + CHUNK].astype(np.int64)
         neighbors, spans = search(rows)
-        values[rows], valid[rows], pairs[rows] = pair_histograms(points, normals, neighbors, spans)
-    return PairHistograms(values, valid, pairs)
+        _fill(near, neighbors, spans, rows, result)
+    return result

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Integer, Shaped
 from numba import njit
 
 
@@ -82,6 +82,34 @@ def segment_majority(
     return out
 
 
+class PairNumbers(NamedTuple):
+    """A number for each different pair of values, in rising order of the first and then the second.
+
+    Attributes:
+        number: (N,) pair of each row.
+        first: (K,) first row of each pair.
+    """
+
+    number: Int[np.ndarray, ' rows']
+    first: Int[np.ndarray, ' pairs']
+
+
+def number_pairs(first: Integer[np.ndarray, ' rows'], second: Integer[np.ndarray, ' rows']) -> PairNumbers:
+    """Number the pairs (first, second), say class and instance; exact for integers of any two types.
+
+    Args:
+        first: Any integers.
+        second: Any integers, of the same or of another type.
+
+    >>> number_pairs(np.array([1, 0, 1]), np.array([7, 7, 7], dtype=np.uint64)).number
+    array([1, 0, 1])
+    """
+    parts = [np.unique(values, return_inverse=True)[1].reshape(-1).astype(np.int64) for values in (first, second)]
+    keys = parts[0] * (parts[1].max(initial=0) + 1) + parts[1]
+    _, row, number = np.unique(keys, return_index=True, return_inverse=True)
+    return PairNumbers(number.reshape(-1), row)
+
+
 class Majority(NamedTuple):
     """The most frequent class of each segment, -1 where there is none, and its share of the votes, 0 there."""
 
@@ -104,6 +132,18 @@ def majority_of_counts(counts: Int[np.ndarray, 'segments classes'], frequency: I
     total = counts.sum(axis=1)
     share = (counts[np.arange(segments), best] if classes else total) / np.maximum(total, 1)
     return Majority(np.where(total > 0, best, -1).astype(np.int64), np.where(total > 0, share, 0.0))
+
+
+def first_mask(masks: Bool[np.ndarray, 'masks points']) -> Int[np.ndarray, ' points']:
+    """Lowest row whose mask holds each point, -1 = none.
+
+    >>> first_mask(np.array([[False, True, False], [True, True, False]]))
+    array([ 1,  0, -1])
+    """
+    out = np.full(masks.shape[1], -1, dtype=np.int64)
+    for row in reversed(range(len(masks))):
+        out[masks[row]] = row
+    return out
 
 
 def scatter_rows(

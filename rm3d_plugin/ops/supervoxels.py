@@ -13,6 +13,10 @@ from rm3d_plugin.ops.segment import segment_mean, segment_mean_axis
 from rm3d_plugin.ops.voxel_grid import VoxelGrid, voxel_grid, voxel_neighbors
 
 RINGS = 1.8  # growth reaches so many seed distances; METHOD 3
+# Where the least coordinates lie within a cell, one share an axis: points on a plane or a lattice that starts there, as
+# floors and thinned clouds do, stay clear of the cells' sides, so that rounding moves none of them into another cell.
+CORNER = np.array([0.8192, 0.6710, 0.5497])  # Roberts 2018: powers of 1 / 1.2207, the least like any fractions
+TIE = 1e-3  # distances that differ by a smaller share are equal: a moved cloud's float32 is rounded otherwise
 SURFACE = 0.05  # a seed's surroundings hold at least this share of a plane through them; METHOD 3
 
 DistanceKind = Literal['papon', 'pcl']
@@ -90,6 +94,9 @@ def supervoxels(
 ) -> Supervoxels:
     """VCCS: voxels, seeds, and int(1.8 R_seed / R_voxel) rings of growth (METHOD 3).
 
+    Both grids start at the cloud's least coordinates, so that a moved cloud has the same supervoxels, as long as the
+    rounding of its float32 coordinates takes no point over the side of a voxel.
+
     Args:
         xyz: (N, 3) metres.
         colors: Lab for the distance of the paper, RGB in [0, 1] for PCL's; None leaves the term out.
@@ -112,14 +119,21 @@ def supervoxels(
             'supervoxels: histogram intersection needs descriptors >= 0 (FPFH, PFH, ...), got '
             f'{histograms.min()}; take another descriptor, or the distance of kind "pcl"'
         )
-    grid = voxel_grid(xyz, voxel_size)
+    local = from_corner(xyz)
+    grid = voxel_grid(local + CORNER * voxel_size, voxel_size)
     neighbors = voxel_neighbors(grid.coords)
-    features = _voxel_features(xyz, colors, normals, histograms, grid)
-    seeds = seed_voxels(features.xyz, seed_size, voxel_size)
+    features = _voxel_features(local, colors, normals, histograms, grid)
+    seeds = seed_voxels(features.xyz + CORNER * seed_size, seed_size, voxel_size)
     owner = grow_supervoxels(features, neighbors, seeds, seed_size, int(RINGS * seed_size / voxel_size), distance)
     if not discard_unreached:
         owner = label_unreached(owner, neighbors, len(seeds))
     return Supervoxels(owner[grid.point_to_voxel], grid, owner, len(seeds))
+
+
+def from_corner(xyz: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, 'points 3']:
+    """Coordinates from the least ones of the cloud, metres, float64."""
+    wide = xyz.astype(np.float64)
+    return wide - wide.min(axis=0) if len(wide) else wide
 
 
 def _voxel_features(
@@ -173,8 +187,8 @@ def grow_supervoxels(
     """Let all supervoxels grow at once, one ring at a time.
 
     In each ring every voxel looks at the supervoxels that it and its neighbours belong to and joins the one whose
-    centre is nearest (ties: it stays, then the lowest number); then centres become the means of their voxels. All
-    voxels decide on the state before the ring, so the order in which they are visited does not matter.
+    centre is nearest (ties, to a thousandth: it stays, then the lowest number); then centres become the means of their
+    voxels. All voxels decide on the state before the ring, so the order in which they are visited does not matter.
 
     Args:
         features: One row a voxel.
@@ -245,22 +259,33 @@ def _ring(
 ) -> tuple[np.ndarray, bool]:
     out = owner.copy()
     changed = False
+    near, far = np.empty(neighbors.shape[1] + 1, dtype=np.int64), np.empty(neighbors.shape[1] + 1)
     for voxel in range(len(owner)):
-        best, least = owner[voxel], np.inf
-        measured = best < 0
-        for slot in range(neighbors.shape[1]):
-            near = neighbors[voxel, slot]
-            if near < 0 or owner[near] < 0 or owner[near] == owner[voxel] or owner[near] == best:
-                continue
-            if not measured:  # only where there is something to compare with
-                least = _distance(voxel, owner[voxel], features, centres, weights, papon)
-                measured = True
-            found = _distance(voxel, owner[near], features, centres, weights, papon)
-            if found < least or (found == least and best != owner[voxel] and owner[near] < best):
-                best, least = owner[near], found
-        out[voxel] = best
-        changed = changed or best != owner[voxel]
+        count = _supervoxels_around(voxel, owner, neighbors, near)
+        if count == 0 or (count == 1 and near[0] == owner[voxel]):
+            continue
+        for option in range(count):
+            far[option] = _distance(voxel, near[option], features, centres, weights, papon)
+        limit = far[:count].min() * (1 + TIE)
+        if near[0] == owner[voxel] and far[0] <= limit:
+            continue
+        out[voxel] = near[:count][far[:count] <= limit].min()
+        changed = True
     return out, changed
+
+
+@njit(cache=True, nogil=True)
+def _supervoxels_around(voxel: int, owner: np.ndarray, neighbors: np.ndarray, found: np.ndarray) -> int:
+    """Fill ``found`` with the supervoxel of a voxel, where it has one, and the others beside it; how many they are."""
+    count = 0
+    if owner[voxel] >= 0:
+        found[0] = owner[voxel]
+        count = 1
+    for other in neighbors[voxel]:
+        if other >= 0 and owner[other] >= 0 and not np.any(found[:count] == owner[other]):
+            found[count] = owner[other]
+            count += 1
+    return count
 
 
 @njit(cache=True, nogil=True)

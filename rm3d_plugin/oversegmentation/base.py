@@ -74,8 +74,9 @@ class Oversegmenter(Fingerprinted, ABC):
         if len(descriptors) != len(cloud):
             raise ValueError(f'segment: expected {len(cloud)} descriptors (one a point), got {len(descriptors)}')
         kept = np.flatnonzero(~self.find_ground(cloud))
-        rest = Descriptors(descriptors.values[kept], descriptors.valid[kept])
-        labels = self.partition(cloud.select(kept), rest, seeds_among(seeds, kept, len(cloud)), scene)
+        labels = self.partition(
+            cloud.select(kept), descriptors.select(kept), seeds_among(seeds, kept, len(cloud)), scene
+        )
         return Regions(scatter_rows(np.asarray(labels, dtype=np.int64), kept, len(cloud), fill=-1))
 
 

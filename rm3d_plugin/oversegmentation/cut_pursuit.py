@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.oversegmentation.base import Oversegmenter
-from rm3d_plugin.oversegmentation.small_regions import Affinity, absorb_small, unit_rows
+from rm3d_plugin.oversegmentation.small_regions import Affinity, absorb_small, unit_descriptors
 from rm3d_plugin.registry import OVERSEGMENTERS
 from rm3d_plugin.structures import Descriptors, PointCloud
 
@@ -157,5 +157,5 @@ class CutPursuit(Oversegmenter):
             features = np.concatenate([features, self.xyz_weight * cloud.xyz], axis=1)
         graph = neighbor_graph(cloud.xyz, self.neighbors)
         labels = cut_pursuit(features, graph.edges, self.regularization * graph.weights)
-        described = unit_rows(descriptors.values, descriptors.valid)
+        described = unit_descriptors(descriptors)
         return absorb_small(labels, graph.neighbors, np.zeros_like(cloud.xyz), described, self.min_region, ALIKE)

@@ -64,7 +64,7 @@ class GroundPatches(Oversegmenter):
         others = np.flatnonzero(~is_ground)
         found = self.rest.partition(
             cloud.select(others),
-            Descriptors(descriptors.values[others], descriptors.valid[others]),
+            descriptors.select(others),
             seeds_among(seeds, others, len(cloud)),
             scene,
         )

@@ -1,5 +1,7 @@
 """A partition that came from elsewhere."""
 
+import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import final
@@ -9,6 +11,8 @@ from jaxtyping import Int
 
 from rm3d_plugin.oversegmentation.base import Oversegmenter
 from rm3d_plugin.registry import OVERSEGMENTERS
+from rm3d_plugin.storage.files import MALFORMED
+from rm3d_plugin.storage.npy import read_archive, read_npy
 from rm3d_plugin.structures import Descriptors, PointCloud, SceneError
 
 
@@ -46,15 +50,14 @@ class Precomputed(Oversegmenter):
         """The given labels.
 
         Raises:
-            SceneError: The scene has no file, or it is no list of whole numbers.
-            ValueError: They are not one a point.
+            SceneError: The scene has no file, or it is no list of whole numbers, one a point.
         """
         path = self.scene_file(scene)
         labels = self.labels if path is None else _read(path, scene)
         assert labels is not None  # one of the two was given
         if labels.shape != (len(cloud),):
             where = 'Precomputed.labels' if path is None else str(path)
-            raise ValueError(f'{where}: expected shape ({len(cloud)},), one label a point, got {labels.shape}')
+            raise SceneError(f'{where}: expected shape ({len(cloud)},), one label a point, got {labels.shape}')
         return labels
 
 
@@ -62,9 +65,7 @@ def _read(path: Path, scene: str) -> Int[np.ndarray, ' points']:
     if not path.is_file():
         raise SceneError(f'Precomputed: scene {scene!r} has no file {path}; write one for every scene, or mend `files`')
     try:
-        if path.suffix == '.npy':
-            return np.load(path, allow_pickle=False).astype(np.int64, casting='safe')
-        with np.load(path, allow_pickle=False) as arrays:
-            return arrays['labels'].astype(np.int64, casting='safe')
-    except (KeyError, ValueError, TypeError) as error:
+        labels = read_npy(path) if path.suffix == '.npy' else read_archive(path)['labels']
+        return labels.astype(np.int64, casting='safe')
+    except (*MALFORMED, zipfile.BadZipFile, zlib.error, EOFError, OSError, MemoryError, RuntimeError) as error:
         raise SceneError(f'{path}: expected whole numbers, in .npz as the array `labels` ({error})') from error

@@ -11,7 +11,13 @@ from rm3d_plugin.ops._parallel import map_blocks
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.octree import Knn, Octree
 from rm3d_plugin.oversegmentation.base import Oversegmenter
-from rm3d_plugin.oversegmentation.small_regions import Affinity, absorb_small, drop_small, unit_rows
+from rm3d_plugin.oversegmentation.small_regions import (
+    Affinity,
+    UnitDescriptors,
+    absorb_small,
+    drop_small,
+    unit_descriptors,
+)
 from rm3d_plugin.registry import OVERSEGMENTERS
 from rm3d_plugin.structures import Descriptors, PointCloud
 
@@ -48,7 +54,7 @@ class Links(NamedTuple):
 def link_points(
     xyz: Float[np.ndarray, 'points 3'],
     normals: Float[np.ndarray, 'points 3'],
-    descriptors: Float[np.ndarray, 'points features'],
+    descriptors: UnitDescriptors,
     neighbors: int,
     reach: Float[np.ndarray, ' points'],
     threshold: float,
@@ -59,7 +65,7 @@ def link_points(
     Args:
         xyz: Metres.
         normals: Unit vectors of either sign; zero where unknown: the term drops out of the affinity and its normaliser.
-        descriptors: Unit rows; zero where not valid: drops out likewise.
+        descriptors: Unit rows; zero where not valid: the term drops out likewise.
         neighbors: How many nearest points are looked at.
         reach: Metres; a neighbour farther away never joins.
         threshold: Least affinity to join.
@@ -68,7 +74,7 @@ def link_points(
     tree = Octree(xyz)
     found = np.empty((len(xyz), neighbors + 1), dtype=np.int32)
     joins = np.empty(found.shape, dtype=np.bool_)
-    known = (normals, normals.any(axis=1), descriptors, descriptors.any(axis=1))
+    known = (normals, normals.any(axis=1), descriptors)
     limits, condition = np.square(reach, dtype=np.float64), (float(threshold), *affinity)
     for first in range(0, len(xyz), CHUNK):
         rows = tree.order[first : first + CHUNK]
@@ -122,10 +128,12 @@ def seed_order(
     The lowest 2 permille of curvature that Algorithm 1 starts from are the head of the second group: as each seed grows
     until it stops before the next one starts, they need no group of their own.
     """
-    second = np.ones(len(curvature), dtype=np.bool_)
-    if seeds is not None:
-        second[seeds] = False
-    return np.lexsort((curvature, second))
+    order = np.argsort(curvature, kind='stable')
+    if seeds is None:
+        return order
+    first = np.zeros(len(curvature), dtype=np.bool_)
+    first[seeds] = True
+    return np.concatenate([order[first[order]], order[~first[order]]])
 
 
 @OVERSEGMENTERS.register_module()
@@ -208,7 +216,7 @@ class RegionGrowing(Oversegmenter):
         if len(cloud) == 0:
             return np.zeros(0, dtype=np.int64)
         normals, curvature = self._normals(cloud)
-        described = unit_rows(descriptors.values, descriptors.valid)
+        described = unit_descriptors(descriptors)
         links = link_points(
             cloud.xyz, normals, described, self.neighbors, self._reach(cloud), self.threshold, self.affinity
         )
@@ -246,8 +254,7 @@ def _link_block(
     limits: np.ndarray,
     normals: np.ndarray,
     known_normal: np.ndarray,
-    descriptors: np.ndarray,
-    known_descriptor: np.ndarray,
+    descriptors: UnitDescriptors,
     threshold: float,
     normal_weight: float,
     descriptor_weight: float,
@@ -256,8 +263,12 @@ def _link_block(
     joins: np.ndarray,
 ) -> None:
     """Neighbours within reach of ``rows[start:stop]``, and Condition 1; compares squares, which spares the root."""
+    source, row, scale = descriptors
+    own = np.empty(source.shape[1], dtype=np.float32)
     for at in range(start, stop):
         i = rows[at]
+        for c in range(len(own)):
+            own[c] = source[row[i], c] * scale[i]
         for slot in range(indices.shape[1]):
             j = indices[at, slot]
             if j == i or j < 0 or sq_dists[at, slot] > limits[i]:
@@ -271,13 +282,13 @@ def _link_block(
                     dot += normals[i, c] * normals[j, c]
                 squared += normal_weight * dot * dot
                 total += normal_weight
-            if known_descriptor[i] and known_descriptor[j]:
+            if scale[i] > 0 and scale[j] > 0:
                 total += descriptor_weight
                 needed = threshold * threshold * (total if normalised else 1.0) - squared
                 if needed > 0 and needed <= descriptor_weight:  # otherwise the normals have decided
                     dot = 0.0
-                    for c in range(descriptors.shape[1]):
-                        dot += descriptors[i, c] * descriptors[j, c]
+                    for c in range(len(own)):
+                        dot += own[c] * (source[row[j], c] * scale[j])
                     dot = min(max(dot, 0.0), 1.0)
                     squared += descriptor_weight * dot * dot
             joins[i, slot] = total > 0 and squared >= threshold * threshold * (total if normalised else 1.0)

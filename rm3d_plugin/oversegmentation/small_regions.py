@@ -8,7 +8,11 @@ from numba import njit
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from rm3d_plugin.ops._parallel import map_blocks
 from rm3d_plugin.ops.segment import segment_mean_axis, segment_sizes, segment_sum
+from rm3d_plugin.structures import Descriptors
+
+BLOCK = 1 << 14  # points whose lengths one thread computes at a time
 
 
 class Affinity(NamedTuple):
@@ -23,6 +27,35 @@ class Affinity(NamedTuple):
     normal_weight: float = 1.0
     descriptor_weight: float = 1.0
     normalised: bool = True
+
+
+class UnitDescriptors(NamedTuple):
+    """Descriptors of length one, so that a dot product is a cosine; scaled when they are met, which spares a copy.
+
+    Attributes:
+        source: (M, F) float32 rows of any length.
+        rows: (N,) row of each point.
+        scale: (N,) float32 what makes its length one; 0 where it is not valid or of no length.
+    """
+
+    source: Float[np.ndarray, 'rows features']
+    rows: Int[np.ndarray, ' points']
+    scale: Float[np.ndarray, ' points']
+
+    def sums(self, labels: Int[np.ndarray, ' points'], count: int) -> Float[np.ndarray, 'regions features']:
+        """Sum of the unit rows of each region, float64."""
+        out = np.zeros((count, self.source.shape[1]))
+        _add_unit_rows(*self, labels, out)
+        return out
+
+
+def unit_descriptors(descriptors: Descriptors) -> UnitDescriptors:
+    """Unit rows of descriptors; zero where not valid or of no length."""
+    rows, scale = descriptors.row_numbers(), np.zeros(len(descriptors), dtype=np.float32)
+    map_blocks(
+        lambda start, stop: _scales(descriptors.source, rows, descriptors.valid, start, stop, scale), len(rows), BLOCK
+    )
+    return UnitDescriptors(descriptors.source, rows, scale)
 
 
 def unit_rows(values: np.ndarray, valid: np.ndarray) -> Float[np.ndarray, 'rows channels']:
@@ -56,7 +89,7 @@ def absorb_small(
     labels: Int[np.ndarray, ' points'],
     neighbors: Int[np.ndarray, 'points k'],
     normals: Float[np.ndarray, 'points 3'],
-    descriptors: Float[np.ndarray, 'points features'],
+    descriptors: UnitDescriptors,
     min_region: int,
     affinity: Affinity,
 ) -> Int[np.ndarray, ' points']:
@@ -68,7 +101,7 @@ def absorb_small(
     if not len(labels):
         return labels
     pairs = _adjacent_regions(labels, neighbors)
-    sums = segment_sum(descriptors, labels, int(labels.max()) + 1)
+    sums = descriptors.sums(labels, int(labels.max()) + 1)
     while True:
         count = len(sums)
         small = segment_sizes(labels, count) < min_region
@@ -90,6 +123,27 @@ def drop_small(labels: Int[np.ndarray, ' points'], least: int) -> Int[np.ndarray
     sizes = segment_sizes(labels, int(labels.max()) + 1 if len(labels) else 0)
     small = np.append(sizes < least, True)  # the last entry answers for label -1
     return np.where(small[labels], -1, labels)
+
+
+@njit(cache=True, nogil=True)
+def _scales(source: np.ndarray, rows: np.ndarray, valid: np.ndarray, start: int, stop: int, scale: np.ndarray) -> None:
+    """What makes the rows of points ``start`` to ``stop`` as long as one."""
+    for i in range(start, stop):
+        total = 0.0
+        for c in range(source.shape[1]):
+            total += np.float64(source[rows[i], c]) * source[rows[i], c]
+        if valid[i] and total > 0:
+            scale[i] = 1.0 / np.sqrt(total)
+
+
+@njit(cache=True, nogil=True)
+def _add_unit_rows(
+    source: np.ndarray, rows: np.ndarray, scale: np.ndarray, labels: np.ndarray, out: np.ndarray
+) -> None:
+    for i in range(len(labels)):
+        if labels[i] >= 0:
+            for c in range(source.shape[1]):
+                out[labels[i], c] += source[rows[i], c] * scale[i]
 
 
 def _adjacent_regions(

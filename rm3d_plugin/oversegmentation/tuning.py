@@ -228,4 +228,4 @@ def _above_ground(
             f'{len(labels)} annotated labels; expected one of each a point'
         )
     kept = np.flatnonzero(~segmenter.find_ground(cloud))
-    return cloud.select(kept), Descriptors(descriptors.values[kept], descriptors.valid[kept]), labels[kept]
+    return cloud.select(kept), descriptors.select(kept), labels[kept]

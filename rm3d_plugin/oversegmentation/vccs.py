@@ -42,6 +42,8 @@ class VCCS(Oversegmenter):
         ValueError: A number or the distance cannot be used.
     """
 
+    version = 2
+
     def __init__(
         self,
         voxel_size: float = 0.05,

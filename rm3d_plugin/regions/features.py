@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from numba import njit
 
 from rm3d_plugin.ops.color import rgb_to_lab
-from rm3d_plugin.ops.segment import segment_mean, segment_mean_axis, segment_sum
+from rm3d_plugin.ops.segment import segment_mean, segment_mean_axis
 from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions, SceneError
 
 
@@ -69,10 +70,40 @@ def region_extents(xyz: Float[np.ndarray, 'points 3'], regions: Regions) -> Floa
     count = len(regions)
     if count == 0:
         return np.zeros((0, 3))
-    labels = regions.labels
-    centred = xyz.astype(np.float64) - segment_mean(xyz, labels, count)[labels]
-    products = (centred[:, :, None] * centred[:, None, :]).reshape(len(xyz), 9)
-    axes = np.linalg.eigh(segment_sum(products, labels, count).reshape(count, 3, 3))[1]
-    along = np.einsum('ni,nij->nj', centred[regions.indices], axes[labels[regions.indices]])
-    longest = np.maximum.reduceat(along, regions.offsets[:-1], axis=0)
-    return -np.sort(np.minimum.reduceat(along, regions.offsets[:-1], axis=0) - longest, axis=1)
+    centres = segment_mean(xyz, regions.labels, count)
+    axes = np.linalg.eigh(_scatter_about(xyz, regions.labels, centres))[1]
+    low, high = _spans(xyz, regions.labels, centres, axes)
+    return -np.sort(low - high, axis=1)
+
+
+@njit(cache=True, nogil=True)
+def _scatter_about(xyz: np.ndarray, labels: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """Sums of the products of coordinates about the centre of each region."""
+    out = np.zeros((len(centres), 3, 3))
+    d = np.empty(3)
+    for p in range(len(labels)):
+        r = labels[p]
+        if r < 0:
+            continue
+        for a in range(3):
+            d[a] = xyz[p, a] - centres[r, a]
+        for a in range(3):
+            for b in range(3):
+                out[r, a, b] += d[a] * d[b]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _spans(xyz: np.ndarray, labels: np.ndarray, centres: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest coordinate of each region's points along its axes, about its centre."""
+    low, high = np.full((len(centres), 3), np.inf), np.full((len(centres), 3), -np.inf)
+    for p in range(len(labels)):
+        r = labels[p]
+        if r < 0:
+            continue
+        for axis in range(3):
+            along = 0.0
+            for c in range(3):
+                along += (xyz[p, c] - centres[r, c]) * axes[r, c, axis]
+            low[r, axis], high[r, axis] = min(low[r, axis], along), max(high[r, axis], along)
+    return low, high

@@ -13,6 +13,7 @@ from rm3d_plugin.regions.features import region_features
 from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions
 
 TOUCH_NEIGHBORS = 16  # where no gap is given, regions touch if a point has one of the other among so many nearest
+CHUNK = 1 << 16  # points whose nearest ones are held at a time
 MOST_CELLS = 2**20 - 2  # along an axis; beyond that empty stretches are cut short
 
 
@@ -60,15 +61,20 @@ def touching_regions(xyz: Float[np.ndarray, 'points 3'], regions: Regions, k: in
     """Pairs of regions where a point of one has a point of the other among its k nearest (itself included)."""
     members = np.sort(regions.indices)
     points, labels = xyz[members], regions.labels[members]
-    near = Octree(points).knn(points, k)
-    rows, slots = np.nonzero(near.indices >= 0)
-    a, b = labels[rows], labels[near.indices[rows, slots]]
-    crossing = a != b
-    low, high = np.minimum(a, b)[crossing], np.maximum(a, b)[crossing]
-    distance = np.sqrt(near.sq_dists[rows, slots][crossing])
-    order = np.lexsort((distance, high, low))
-    pairs, first = np.unique(np.stack([low, high], axis=1)[order], axis=0, return_index=True)
-    return RegionGaps(pairs.reshape(-1, 2), distance[order][first])
+    tree, best = Octree(points), Dict.empty(key_type=types.int64, value_type=types.float64)
+    for first in range(0, len(points), CHUNK):
+        rows = tree.order[first : first + CHUNK]
+        near = tree.knn(points[rows], k)
+        _note_touching(labels, rows, near.indices, near.sq_dists, len(regions), best)
+    return _gaps_of(best, len(regions))
+
+
+def _gaps_of(best: 'Dict[int, float]', count: int) -> RegionGaps:
+    """The noted squared gaps of pairs i * count + j, sorted by pair."""
+    found, squared = _entries(best)
+    order = np.argsort(found)
+    found = found[order]
+    return RegionGaps(np.stack([found // max(count, 1), found % max(count, 1)], axis=1), np.sqrt(squared[order]))
 
 
 def regions_within(xyz: Float[np.ndarray, 'points 3'], regions: Regions, max_gap: float) -> RegionGaps:
@@ -92,10 +98,7 @@ def regions_within(xyz: Float[np.ndarray, 'points 3'], regions: Regions, max_gap
     starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]) | (labels[1:] != labels[:-1])])
     low, high = np.minimum.reduceat(points, starts, axis=0), np.maximum.reduceat(points, starts, axis=0)
     groups = _Groups(points, labels[starts], keys[starts], np.append(starts, len(points)), low, high)
-    found, squared = _nearest_between_groups(groups, _neighbor_shifts(span), len(regions), max_gap**2)
-    order = np.argsort(found)
-    found = found[order]
-    return RegionGaps(np.stack([found // len(regions), found % len(regions)], axis=1), np.sqrt(squared[order]))
+    return _gaps_of(_nearest_between_groups(groups, _neighbor_shifts(span), len(regions), max_gap**2), len(regions))
 
 
 def keep_nearest(near: RegionGaps, count: int, neighbors: int) -> Int[np.ndarray, 'edges 2']:
@@ -159,9 +162,7 @@ def _point_gap(groups: _Groups, g: int, h: int, best: float) -> float:
 
 
 @njit(cache=True)
-def _nearest_between_groups(
-    groups: _Groups, shifts: np.ndarray, count: int, limit: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _nearest_between_groups(groups: _Groups, shifts: np.ndarray, count: int, limit: float) -> 'Dict[int, float]':
     """Best squared gap of each pair of regions (as i * count + j, i < j) that is within the limit."""
     best = Dict.empty(key_type=types.int64, value_type=types.float64)
     beyond = np.nextafter(limit, np.inf)
@@ -178,8 +179,34 @@ def _nearest_between_groups(
                         if gap < known:
                             best[pair] = gap
                 h += 1
-    found = np.empty(len(best), dtype=np.int64)
-    squared = np.empty(len(best))
+    return best
+
+
+@njit(cache=True)
+def _note_touching(
+    labels: np.ndarray,
+    rows: np.ndarray,
+    indices: np.ndarray,
+    sq_dists: np.ndarray,
+    count: int,
+    best: 'Dict[int, float]',
+) -> None:
+    """Note the least squared distance of each pair of regions among some points and their nearest ones."""
+    for at in range(len(rows)):
+        own = labels[rows[at]]
+        for slot in range(indices.shape[1]):
+            if indices[at, slot] < 0 or labels[indices[at, slot]] == own:
+                continue
+            other = labels[indices[at, slot]]
+            pair = min(own, other) * count + max(own, other)
+            if sq_dists[at, slot] < best.get(pair, np.inf):
+                best[pair] = sq_dists[at, slot]
+
+
+@njit(cache=True)
+def _entries(best: 'Dict[int, float]') -> tuple[np.ndarray, np.ndarray]:
+    """Keys and values."""
+    found, squared = np.empty(len(best), dtype=np.int64), np.empty(len(best))
     n = 0
     for pair, gap in best.items():
         found[n], squared[n] = pair, gap

@@ -113,12 +113,13 @@ def prepare_scene(
     descriptors = descriptor.compute(rest)
     _tell_undescribed(descriptors, len(cloud), type(descriptor).__name__, name)
     labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)), name)
-    graph = build_region_graph(rest, descriptors, Regions(labels), graph_neighbors, max_gap)
+    regions = Regions(labels)
+    graph = build_region_graph(rest, descriptors, regions, graph_neighbors, max_gap)
 
     assert rest.normals is not None and rest.curvature is not None
     normals = scatter_rows(rest.normals, kept, len(cloud), fill=0)
     curvature = scatter_rows(rest.curvature, kept, len(cloud), fill=0)
-    everywhere = scatter_rows(np.asarray(labels, dtype=np.int64), kept, len(cloud), fill=-1)
+    everywhere = scatter_rows(regions.labels, kept, len(cloud), fill=-1)
     return PreparedScene(replace(cloud, normals=normals, curvature=curvature), Regions(everywhere), graph)
 
 

@@ -11,8 +11,8 @@ from mmengine.config import Config
 import rm3d_plugin.datasets
 import rm3d_plugin.models  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.run import config_errors
-from rm3d_plugin.inference.outputs import check_targets
+from rm3d_plugin.engine.config_errors import config_errors
+from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.label_budgets import clicks_of
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.labeling.sources import BoxBudgetSource, LabelSource
@@ -78,12 +78,13 @@ def draw_labels(source: LabelSource, out: Path, title: str, max_scenes: int = 8,
     if ending not in ('', '.html') and not out.is_dir():
         raise ConfigError(f'--out {out}: expected a folder, or a file that ends with .csv, .json, .jsonl or .html')
     folder = out.parent if ending == '.html' else out
+    check_folder(folder)
     written = []
     if ending != '.html':
+        if isinstance(source, PointBudgetSource) and source.budget.annotated_count <= MAX_CLICKS:
+            written.append(_write_clicks(folder / 'clicks.csv', source))  # first: it refuses to replace others
         source.open(folder, resume=False)
         written += sorted(path for path in (folder / 'budget.json', folder / 'budget.npz') if path.is_file())
-        if isinstance(source, PointBudgetSource) and source.budget.annotated_count <= MAX_CLICKS:
-            written.append(_write_clicks(folder / 'clicks.csv', source))
     page = out if ending == '.html' else folder / 'labels.html'
     return [*written, _write_page(page, source, title, max_scenes, synthetic)]
 

@@ -12,6 +12,7 @@ from mmengine.dist import is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
+from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.registry import HOOKS
@@ -33,6 +34,10 @@ from rm3d_plugin.visualization import Picture, write_report
 class ReportHook(Hook):
     """After training: one self-contained page with scores, curves, labels of each round and pictures.
 
+    It tells of the labels of a :class:`RegionMergeHook`, and of the scores that a ``RunRecordHook`` noted. Pictures
+    need data sets like ours (``rm3d_plugin.datasets.SceneDataset``) and a model that predicts boxes or classes of
+    points.
+
     Args:
         train_scenes: How many training scenes are shown with regions, pseudo labels and predictions.
         val_scenes: How many validation scenes are shown with predictions.
@@ -45,14 +50,32 @@ class ReportHook(Hook):
         self._began = time.perf_counter()
 
     def before_train(self, runner: Runner) -> None:
-        """Start the clock of this process."""
+        """Start the clock of this process; tell at once what the page would lack in the end.
+
+        Raises:
+            ConfigError: A data set cannot be drawn.
+        """
         self._began = time.perf_counter()
+        merging = _merging(runner)
+        if not merging:
+            runner.logger.warning('ReportHook: there is no RegionMergeHook, of whose labels it tells; no report.html')
+            return
+        if self.train_scenes and merging[0].label_maker.task == 'segmentation':
+            _need(merging[0].dataloader.dataset, ('scene_ids',), 'train_scenes')
+        if self.val_scenes and runner.val_loop is not None:
+            _need(runner.val_dataloader.dataset, _DRAWN, 'val_scenes')
 
     def after_train(self, runner: Runner) -> None:
-        """Write the page."""
-        merging = [hook for hook in runner.hooks if isinstance(hook, RegionMergeHook)]
+        """Write the page; where a prediction cannot be drawn, that is told and the trained run stands without it."""
+        merging = _merging(runner)
         if not is_main_process() or not merging:
             return
+        try:
+            self._write(runner, merging)
+        except SceneError as error:
+            runner.logger.error(f'no report.html: {error}; train_scenes=0 and val_scenes=0 leave pictures out')
+
+    def _write(self, runner: Runner, merging: list[RegionMergeHook]) -> None:
         label_maker = merging[0].label_maker
         times = merging[0].times.rounds()
         labels = merging[0].seconds
@@ -146,6 +169,21 @@ class ReportHook(Hook):
             )
 
 
+_DRAWN = ('scene_ids', 'load_cloud', 'load_truth', 'metainfo', 'labels')  # what is asked of a validation data set
+
+
+def _merging(runner: Runner) -> list[RegionMergeHook]:
+    return [hook for hook in runner.hooks if isinstance(hook, RegionMergeHook)]
+
+
+def _need(dataset: Any, names: tuple[str, ...], option: str) -> None:
+    if missing := [name for name in names if not hasattr(dataset, name)]:
+        raise ConfigError(
+            f'ReportHook: {type(dataset).__name__} has no {", ".join(missing)}, so its scenes cannot be drawn; make it '
+            f'a SceneDataset (rm3d_plugin.datasets), or set {option}=0'
+        )
+
+
 def _predict(runner: Runner, item: dict[str, Any]) -> Any:
     model = getattr(runner.model, 'module', runner.model)
     model.eval()
@@ -155,6 +193,8 @@ def _predict(runner: Runner, item: dict[str, Any]) -> Any:
 
 def _detect(runner: Runner, item: dict[str, Any], min_score: float = 0.3) -> Boxes3D:
     sample = _predict(runner, item)
+    if 'pred_bboxes_3d' not in sample:
+        raise SceneError(f'ReportHook: the prediction of scene {sample.get("scene_id")} has no pred_bboxes_3d')
     scores = sample.pred_scores_3d.cpu().numpy()
     boxes = Boxes3D(sample.pred_bboxes_3d.cpu().numpy(), sample.pred_labels_3d.cpu().numpy(), scores)
     return boxes.select(scores >= min_score)
@@ -164,7 +204,7 @@ def _segment(runner: Runner, item: dict[str, Any], points: int) -> tuple[np.ndar
     """Class and instance of every point of a scene, -1 = none; no instances where the model looks for none."""
     sample = _predict(runner, item)
     if 'pred_point_probs' not in sample:
-        raise SceneError(f'ReportHook: the prediction of scene {sample.scene_id} has no pred_point_probs')
+        raise SceneError(f'ReportHook: the prediction of scene {sample.get("scene_id")} has no pred_point_probs')
     index = sample.point_index.cpu().numpy() if 'point_index' in sample else None
     classes = point_classes(sample.pred_point_probs.float().cpu().numpy(), index, points)
     if 'pred_instance_masks' not in sample:

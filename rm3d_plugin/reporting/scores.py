@@ -10,7 +10,7 @@ from rm3d_plugin.structures.label_estimate import estimate_text, has_estimate
 from rm3d_plugin.visualization import Chart, ResultRow, ScoreTable, Series
 
 BOX_MEASURES = ('3d AP R40', 'bev AP R40')  # the others stand in the log and in metrics.json
-POINT_TABLES = ('points', 'instances')
+POINT_TABLES = ('points', 'instances', 'segments')
 NAN = float('nan')
 
 

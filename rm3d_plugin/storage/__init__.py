@@ -5,6 +5,7 @@ from rm3d_plugin.storage.files import (
     DamagedFileError,
     atomic_write,
     content_key,
+    content_of,
     hash_arrays,
     read_json,
     read_npz,
@@ -17,6 +18,7 @@ from rm3d_plugin.storage.files import (
 from rm3d_plugin.storage.fingerprint import Fingerprinted
 from rm3d_plugin.storage.label_store import LabelStore, LabelStoreError, SceneEntry
 from rm3d_plugin.storage.scene_cache import SceneCache
+from rm3d_plugin.storage.sealed_json import read_sealed, write_sealed
 
 __all__ = [
     'Click',
@@ -30,14 +32,17 @@ __all__ = [
     'atomic_write',
     'click_classes',
     'content_key',
+    'content_of',
     'hash_arrays',
     'read_clicks',
     'read_json',
     'read_npz',
+    'read_sealed',
     'remove_unfinished',
     'write_bytes',
     'write_clicks',
     'write_json',
     'write_npz',
+    'write_sealed',
     'write_text',
 ]

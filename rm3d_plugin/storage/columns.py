@@ -1,25 +1,23 @@
 """Any scan file as named columns, and which column plays which part."""
 
 import warnings
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from rm3d_plugin.storage.e57 import read_e57
 from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width
 from rm3d_plugin.storage.las import read_las
+from rm3d_plugin.storage.leica_text import PARTS as COLUMNS
+from rm3d_plugin.storage.leica_text import read_pts, read_ptx
+from rm3d_plugin.storage.npy import read_archive, read_npy
 from rm3d_plugin.storage.pcd import read_pcd
 from rm3d_plugin.storage.ply import read_ply
 from rm3d_plugin.storage.text_columns import plain_name, read_text_table
 from rm3d_plugin.structures import SceneError
 
-COLUMNS = {
-    3: 'x y z',
-    4: 'x y z intensity',
-    6: 'x y z red green blue',
-    7: 'x y z intensity red green blue',
-}
-"""What the columns of a table without names hold, by their number."""
 RGB = ('red', 'green', 'blue')
 NORMAL = ('nx', 'ny', 'nz')
 ROLES = ('x', 'y', 'z', 'intensity', *RGB, *NORMAL, 'label', 'instance')
@@ -31,14 +29,18 @@ ALIASES = {
     'nx': ('nx', 'normal_x'),
     'ny': ('ny', 'normal_y'),
     'nz': ('nz', 'normal_z'),
-    'label': ('label', 'labels', 'class', 'classification', 'semantic', 'semantic_label'),
+    'label': ('label', 'labels', 'class', 'classification', 'semantic', 'semantic_label', 'label_id'),
     'instance': ('instance', 'instances', 'instance_id', 'instance_label'),
 }
 """Names under which a part is found; case, ``scalar_`` before a name and a unit ``[m]`` behind it do not matter."""
 _BLOCKS = {name: tuple('xyz') for name in ('xyz', 'points', 'pos', 'coord', 'coords')}
 _BLOCKS |= {name: RGB for name in ('colors', 'color', 'rgb')} | {name: NORMAL for name in ('normals', 'normal')}
 
-ENDINGS = ('.bin', '.csv', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.txt', '.xyz')
+OAKLAND = 'x y z label confidence'  # its native files, some of which have no header
+ENDINGS = (
+    '.bin', '.csv', '.e57', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.pts', '.ptx', '.txt', '.xyz',
+    '.xyz_label_conf',
+)  # fmt: skip
 _LISTED = 12  # names in a message
 _MANY = 100  # columns that are rather points
 
@@ -53,7 +55,7 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
     :data:`COLUMNS` where its width is one of these, else 0, 1, 2, ...
 
     Args:
-        path: ``.ply .pcd .las .laz .npy .npz .bin .txt .xyz .csv``.
+        path: One of :data:`ENDINGS`.
         names: Names of a table's columns, split by blanks, - for one to pass over. '': as None, but what the columns
             seem to hold is not questioned, since the caller knows. Of no effect where the file has names.
 
@@ -85,12 +87,16 @@ def _readers() -> dict[str, Callable[[Path, str | None], dict[str, np.ndarray]]]
         '.pcd': lambda path, _: read_pcd(path),
         '.las': lambda path, _: read_las(path),
         '.laz': lambda path, _: read_las(path),
+        '.e57': lambda path, _: read_e57(path),
+        '.pts': lambda path, _: read_pts(path),
+        '.ptx': lambda path, _: read_ptx(path),
         '.npy': _npy,
         '.npz': _npz,
         '.bin': _bin,
         '.txt': _text,
         '.xyz': _text,
         '.csv': _text,
+        '.xyz_label_conf': lambda path, names: _text(path, names, OAKLAND),
     }
 
 
@@ -217,18 +223,16 @@ def _bin(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 
 def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    with path.open('rb') as file:
-        table = np.load(file, allow_pickle=False)
-    if not isinstance(table, np.ndarray):
+    if zipfile.is_zipfile(path):
         raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
+    table = read_npy(path)
     if table.dtype.names:
         return {name: table[name].reshape(-1) for name in table.dtype.names}
     return _named(table, path, names)
 
 
 def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    with path.open('rb') as file, np.load(file, allow_pickle=False) as archive:  # numpy leaves a damaged one open
-        arrays = {name: archive[name] for name in archive.files}
+    arrays = read_archive(path)
     first = next((name for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in arrays), None)
     if first is None:
         raise SceneError(f'{path}: holds {sorted(arrays)}; expected xyz (N, 3), points (N, 3 or more), or x, y and z')
@@ -260,8 +264,8 @@ def _moved(columns: dict[str, np.ndarray], origin: np.ndarray | None, path: Path
     return columns | {axis: columns[axis].astype(np.float64) + origin[i] for i, axis in enumerate('xyz')}
 
 
-def _text(path: Path, names: str | None) -> dict[str, np.ndarray]:
+def _text(path: Path, names: str | None, usual: str | None = None) -> dict[str, np.ndarray]:
     found, table = read_text_table(path)
     if not names and found:
         return {name: table[:, i] for i, name in enumerate(found) if name}
-    return _named(table, path, names)
+    return _named(table, path, usual if names is None else names)

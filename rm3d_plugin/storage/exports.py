@@ -5,15 +5,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
 from rm3d_plugin.storage.files import atomic_write, write_text
+from rm3d_plugin.storage.kept_columns import GIVEN, plain_numbers
 from rm3d_plugin.storage.las import RGB
+from rm3d_plugin.storage.text_columns import plain_name
 from rm3d_plugin.structures import SceneError
 
 USER_DEFINED = 64  # LAS 1.4: classes from here to 255 mean what the project says
 NOT_CLASSIFIED = 1  # LAS: looked at, no class
 _LAS_STEPS = 2_000_000_000  # steps to either side that a coordinate of LAS has room for
+_LAS_NAME = 32  # letters of a dimension's name
 _LINES = 1 << 20  # numbers turned to text at a time
 
 
@@ -91,6 +94,7 @@ def write_las(
     label: Int[np.ndarray, ' points'],
     extra: Mapping[str, np.ndarray] | None = None,
     names: Sequence[str] = (),
+    kept: Mapping[str, np.ndarray] | None = None,
 ) -> Path:
     """Write LAS 1.4, point format 7, atomically.
 
@@ -104,6 +108,8 @@ def write_las(
         label: Class of each point.
         extra: Further dimensions by name; numbers of 32 bits.
         names: Class names, for the header's description.
+        kept: Columns of the scan that become further dimensions, but for places and colours; ``input_NAME`` where there
+            is a dimension of that name.
 
     Raises:
         SceneError: laspy is not installed.
@@ -114,18 +120,35 @@ def write_las(
     header.offsets = np.floor((low + high) / 2)
     header.scales = np.maximum(1e-4, np.abs(np.stack([low, high]) - header.offsets).max(axis=0) / _LAS_STEPS)
     columns = {'label': label.astype(np.int32), **(extra or {})}
+    columns |= _further(kept or {}, {*columns, *map(str, header.point_format.dimension_names)})
     described = ' '.join(names)[:31]
     for name, values in columns.items():
         text = described if name == 'label' else ''
         header.add_extra_dim(laspy.ExtraBytesParams(name, values.dtype, description=text))
     las = laspy.LasData(header)
     las.x, las.y, las.z = xyz.T
-    las.classification = np.where(
-        (label >= 0) & (label < 256 - USER_DEFINED), USER_DEFINED + label, NOT_CLASSIFIED
-    ).astype(np.uint8)
+    las.classification = las_classes(label)
     for name, values in zip(RGB, np.round(colors.T * 65535).astype(np.uint16), strict=True):
         las[name] = values
     for name, values in columns.items():
         las[name] = values
     path = Path(path)
     return atomic_write(path, lambda file: las.write(file, do_compress=path.suffix.lower() == '.laz'))
+
+
+def las_classes(label: Int[np.ndarray, ' points']) -> UInt8[np.ndarray, ' points']:
+    """What ``classification`` of LAS says of classes: 64 + class, 1 where unknown or above 191."""
+    known = (label >= 0) & (label < 256 - USER_DEFINED)
+    classes: UInt8[np.ndarray, ' points'] = np.where(known, USER_DEFINED + label, NOT_CLASSIFIED).astype(np.uint8)
+    return classes
+
+
+def _further(kept: Mapping[str, np.ndarray], taken: set[str]) -> dict[str, np.ndarray]:
+    """Columns of a scan under names that LAS has room for."""
+    out: dict[str, np.ndarray] = {}
+    for name, values in kept.items():
+        if plain_name(name) in ('x', 'y', 'z', *RGB):
+            continue
+        free = name if name not in taken else GIVEN + name
+        out[free[:_LAS_NAME]] = plain_numbers(values)
+    return out

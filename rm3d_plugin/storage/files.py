@@ -11,16 +11,20 @@ import json
 import math
 import os
 import secrets
+import time
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
+from rm3d_plugin.storage.npy import read_array
 from rm3d_plugin.storage.written_files import note_written
 from rm3d_plugin.structures import SceneError
+from rm3d_plugin.user_error import UserError
 
 FORMAT_VERSION = 1
 _HASH, _VERSION = '__sha256__', '__format__'
@@ -28,6 +32,26 @@ _HASH, _VERSION = '__sha256__', '__format__'
 
 class DamagedFileError(SceneError):
     """A file that exists but cannot be trusted; the message names it."""
+
+
+MALFORMED = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError)
+"""What plain values of an unexpected shape raise when they are taken apart."""
+
+
+@contextmanager
+def content_of(path: str | Path, what: str) -> Iterator[None]:
+    """Within it, the content of a file is taken apart.
+
+    Raises:
+        DamagedFileError: The file was readable, but says something else than ``what``.
+    """
+    try:
+        yield
+    except UserError:
+        raise
+    except MALFORMED as error:
+        reason = f'{type(error).__name__}: {error}'
+        raise DamagedFileError(f'{path}: is not {what} ({reason}); delete it and make it again') from error
 
 
 def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path:
@@ -39,6 +63,9 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
 
     Returns:
         The path.
+
+    Raises:
+        OSError: The disk is full, or the folder cannot be written to; names the file.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,21 +77,29 @@ def atomic_write(path: str | Path, write: Callable[[IO[bytes]], object]) -> Path
             os.fsync(file.fileno())
         note_written(path)
         os.replace(unfinished, path)
+    except OSError as error:  # a full disk names no file
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
+        raise
     finally:
         unfinished.unlink(missing_ok=True)
     _flush_folder(path.parent)
     return path
 
 
-def remove_unfinished(folder: str | Path, pattern: str) -> None:
+def remove_unfinished(folder: str | Path, pattern: str, older: float = 0.0) -> None:
     """Remove what a killed process left of files that it was writing.
 
     Args:
         folder: Where the files lie, in it or below.
         pattern: Of their names, such as ``*.pth``.
+        older: Seconds; what was written to since then stays, since a living process may be writing it.
     """
+    before = time.time() - older
     for rest in Path(folder).rglob(f'.{pattern}.*.tmp'):
-        rest.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process removed it
+            if rest.stat().st_mtime <= before:
+                rest.unlink()
 
 
 def _flush_folder(folder: Path) -> None:
@@ -126,12 +161,13 @@ def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Path:
         arrays: Name -> array of numbers, booleans or fixed-length text.
 
     Raises:
-        ValueError: A name is not usable, or an array holds Python objects.
+        SceneError: A name is not usable.
+        ValueError: An array holds Python objects.
     """
     plain = {name: np.asarray(value) for name, value in arrays.items()}
     for name, value in plain.items():
         if not name or '/' in name or '\\' in name or name in (_HASH, _VERSION):
-            raise ValueError(f'{path}: {name!r} cannot name an array')
+            raise SceneError(f'{path}: {name!r} cannot name an array; rename it in the file that it comes from')
         if value.dtype.hasobject:
             raise ValueError(f'{path}: array {name!r} holds Python objects (dtype {value.dtype}); store numbers')
     plain[_VERSION] = np.array(FORMAT_VERSION)
@@ -175,8 +211,7 @@ def read_npz(path: str | Path) -> dict[str, np.ndarray]:
 
 def _entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
     with archive.open(entry) as file:
-        array: np.ndarray = np.lib.format.read_array(file, allow_pickle=False)
-        return array
+        return read_array(file, entry.file_size)
 
 
 def hash_arrays(arrays: Mapping[str, np.ndarray]) -> str:

@@ -12,6 +12,7 @@
 """
 
 import shutil
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,11 +20,12 @@ from urllib.parse import quote, unquote
 
 import numpy as np
 
-from rm3d_plugin.storage.files import DamagedFileError, read_json, read_npz, write_json, write_npz
+from rm3d_plugin.storage.files import DamagedFileError, content_of, read_npz, write_npz
+from rm3d_plugin.storage.sealed_json import read_sealed, write_sealed
 from rm3d_plugin.structures import Boxes3D, PseudoLabels, SceneError
 
 FORMAT = 2  # of a scene's file; raise it when names or meanings change, so that older files are refused
-_ARRAYS = ('semantic', 'instance', 'point_is_annotated', 'confidence', 'box_is_annotated')
+_ARRAYS = {'semantic': 'i', 'instance': 'i', 'point_is_annotated': 'b', 'confidence': 'f', 'box_is_annotated': 'b'}
 
 
 class LabelStoreError(SceneError):
@@ -122,7 +124,7 @@ class LabelStore:
         if not scenes:
             raise LabelStoreError(f'{self.folder(round)}: round {round} holds no scene; write them first')
         content = {'round': round, 'scenes': scenes, 'summary': dict(summary or {})}
-        write_json(self._complete_file(round), content)
+        write_sealed(self._complete_file(round), content)
 
     def set_current(self, round: int) -> None:
         """From now on every process reads this round.
@@ -131,7 +133,7 @@ class LabelStore:
             LabelStoreError: The round is not complete.
         """
         self._need_complete(round)
-        write_json(self._current_file, {'round': round})
+        write_sealed(self._current_file, {'round': round})
 
     def forget_rounds(self, first: int) -> None:
         """Remove this round and all later ones, which are to be made again; the current one is that before them.
@@ -146,14 +148,30 @@ class LabelStore:
     # ------------------------------------------------------------------ reading
 
     def current_round(self) -> int | None:
-        """The round that training reads, None before the first; read from the disk at each call."""
+        """The round that training reads, None before the first; read from the disk at each call.
+
+        Raises:
+            DamagedFileError: What names it is damaged, and no round is complete.
+
+        Warns:
+            UserWarning: What names it is damaged: it is the last complete round.
+        """
         try:
-            content = read_json(self._current_file)
+            return self._read_current()
         except FileNotFoundError:
             return None
-        if not isinstance(content, dict) or not isinstance(content.get('round'), int):
-            raise DamagedFileError(f'{self._current_file}: expected {{"round": number}}, got {content!r}')
-        return int(content['round'])
+        except DamagedFileError as error:
+            if not self.rounds():
+                raise
+            warnings.warn(f'{error}. Round {self.rounds()[-1]}, the last complete one, is read.', stacklevel=2)
+            return self.rounds()[-1]
+
+    def _read_current(self) -> int:
+        content = read_sealed(self._current_file)
+        number = content.get('round')
+        if type(number) is not int or number < 0:
+            raise DamagedFileError(f'{self._current_file}: expected {{"round": number from 0}}, got {content!r}')
+        return number
 
     def is_complete(self, round: int) -> bool:
         """True where a round was written to its end."""
@@ -186,10 +204,8 @@ class LabelStore:
                 'other scenes. Train on those, or delete the store and label all scenes again'
             ) from None
         _check_format(arrays, path)
-        try:
+        with content_of(path, f'labels of scene {scene_id}, round {chosen}'):
             return _from_arrays(arrays)
-        except (KeyError, ValueError) as error:
-            raise DamagedFileError(f'scene {scene_id}, round {chosen}: {path} holds no labels ({error})') from error
 
     def read_ledger(self, scene_id: str, round: int | None = None) -> dict[str, np.ndarray]:
         """Ledger arrays of one scene.
@@ -222,12 +238,11 @@ class LabelStore:
 
     def scenes(self, round: int | None = None) -> dict[str, SceneEntry]:
         """Scenes of a complete round, sorted by name."""
-        content = self._read_complete(self._choose(round))
-        return {name: SceneEntry(**entry) for name, entry in sorted(content['scenes'].items())}
+        return self._read_complete(self._choose(round))[0]
 
     def summary(self, round: int | None = None) -> dict[str, Any]:
         """What :meth:`finish_round` was given."""
-        return dict(self._read_complete(self._choose(round))['summary'])
+        return self._read_complete(self._choose(round))[1]
 
     # ------------------------------------------------------------------ helpers
 
@@ -241,10 +256,16 @@ class LabelStore:
     def _complete_file(self, round: int) -> Path:
         return self.folder(round) / 'complete.json'
 
-    def _read_complete(self, round: int) -> dict[str, Any]:
+    def _read_complete(self, round: int) -> tuple[dict[str, SceneEntry], dict[str, Any]]:
+        """Scenes, sorted by name, and summary."""
         self._need_complete(round)
-        content: dict[str, Any] = read_json(self._complete_file(round))
-        return content
+        path = self._complete_file(round)
+        content = read_sealed(path)
+        with content_of(path, 'the list of scenes of a round'):
+            scenes = {name: SceneEntry(**entry) for name, entry in sorted(content['scenes'].items())}
+            if not all(type(number) is int and number >= 0 for entry in scenes.values() for number in entry):
+                raise ValueError('expected numbers of points and of boxes')
+            return scenes, {**content['summary']}
 
     def _choose(self, round: int | None) -> int:
         chosen = self.current_round() if round is None else round
@@ -264,7 +285,8 @@ class LabelStore:
 
 
 def _check_format(arrays: Mapping[str, np.ndarray], path: Path) -> None:
-    found = int(arrays['format']) if 'format' in arrays else 1
+    with content_of(path, 'labels'):
+        found = int(arrays['format']) if 'format' in arrays else 1
     if found != FORMAT:
         raise LabelStoreError(
             f'{path}: has format {found}, this version reads {FORMAT}; train again in another work dir, or go on with '
@@ -287,5 +309,8 @@ def _to_arrays(labels: PseudoLabels) -> dict[str, np.ndarray]:
 
 
 def _from_arrays(arrays: Mapping[str, np.ndarray]) -> PseudoLabels:
+    for name, kind in _ARRAYS.items():
+        if arrays[name].ndim != 1 or arrays[name].dtype.kind != kind:
+            raise ValueError(f'{name} is {arrays[name].dtype} of shape {arrays[name].shape}')
     boxes = Boxes3D(arrays['box_tensor'], arrays['box_labels'], arrays['box_scores'])
     return PseudoLabels(boxes=boxes, complete=bool(arrays['complete']), **{name: arrays[name] for name in _ARRAYS})

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.storage.columns import NORMAL, RGB, Columns, find_roles, read_columns, split_names
 from rm3d_plugin.storage.coordinates import warn_of_units
+from rm3d_plugin.storage.leica_text import ptx_sensor
 from rm3d_plugin.storage.pcd import read_pcd_header
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 
@@ -66,6 +67,7 @@ def read_scan(
     """Read a scan; its kind is told from the ending.
 
     - ``.ply``, ``.pcd``, ``.las``, ``.laz``: columns are found by name. LAS needs the extra ``las``.
+    - ``.pts``, ``.ptx``, ``.e57``: all scans of the file together. E57 needs the extra ``e57``.
     - ``.bin``: float32 x, y, z, intensity, as KITTI; the sensor is the origin.
     - ``.npy``, ``.txt``, ``.xyz``, ``.csv``: columns by name where there is a header (or a structured array), else
       rows of 3, 4, 6 or 7 columns: x y z [intensity] [red green blue].
@@ -128,7 +130,7 @@ def scan_of_columns(
     xyz = np.stack([parts[name] for name in 'xyz'], axis=1)
     if len(xyz) == 0:
         raise SceneError(f'{path}: holds no points')
-    finite = (np.abs(xyz) <= GREATEST).all(axis=1)  # NaN compares as False
+    finite = _has_place(xyz)
     if not finite.all():
         _check_nan_points(path, finite, nan_points)
         xyz, parts = xyz[finite], {name: values[finite] for name, values in parts.items()}
@@ -138,6 +140,17 @@ def scan_of_columns(
     cloud = _cloud(xyz, _channels(parts, color_range, path), not sensor_at_zero, _sensor(path))
     read = {name: _whole(path, name, parts[name]) for name in ('label', 'instance') if labels and name in parts}
     return Scan(cloud, **read)
+
+
+def rows_with_place(columns: Mapping[str, np.ndarray], given: Columns | None, path: Path) -> Bool[np.ndarray, ' rows']:
+    """Which rows :func:`scan_of_columns` keeps with ``nan_points='drop'``."""
+    parts = find_roles(columns, given, path)
+    return _has_place(np.stack([parts[name] for name in 'xyz'], axis=1))
+
+
+def _has_place(xyz: np.ndarray) -> Bool[np.ndarray, ' rows']:
+    finite: Bool[np.ndarray, ' rows'] = (np.abs(xyz) <= GREATEST).all(axis=1)  # NaN compares as False
+    return finite
 
 
 def _channels(parts: Mapping[str, np.ndarray], color_range: ColorRange, path: Path) -> dict[str, np.ndarray]:
@@ -175,9 +188,11 @@ def _cloud(xyz: np.ndarray, channels: dict[str, Any], may_move: bool, sensor: Fl
 
 
 def _sensor(path: Path) -> Float3 | None:
-    """Where the sensor stood, in the frame of the file: the origin in ``.bin``, the viewpoint of a PCD."""
+    """Where the sensor stood, in the frame of the file: the origin in ``.bin``, else what a PCD or PTX says."""
     if path.suffix.lower() == '.bin':
         return 0.0, 0.0, 0.0
+    if path.suffix.lower() == '.ptx':
+        return ptx_sensor(path)
     return read_pcd_header(path).sensor if path.suffix.lower() == '.pcd' else None
 
 

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rm3d_plugin.storage.files import DamagedFileError, read_npz, write_npz
+from rm3d_plugin.storage.files import DamagedFileError, read_npz, remove_unfinished, write_npz
+
+FORGOTTEN = 86_400.0  # s; a file takes seconds to write, so one that old was left by a killed process
 
 
 class SceneCache:
@@ -21,6 +23,7 @@ class SceneCache:
 
     def __init__(self, root: str | Path) -> None:
         self.root = Path(root)
+        self._tidied = False
 
     def path(self, key: str) -> Path:
         """The file of a key.
@@ -50,6 +53,9 @@ class SceneCache:
             pass
         except DamagedFileError as error:
             warnings.warn(f'{error}. It is made again now.', stacklevel=2)
+        if not self._tidied:
+            remove_unfinished(self.root, '*', older=FORGOTTEN)
+            self._tidied = True
         arrays = {name: np.asarray(value) for name, value in make().items()}
         write_npz(path, arrays)
         return arrays

@@ -49,7 +49,7 @@ def read_text_table(path: Path) -> TextTable:
     Raises:
         SceneError: A line is no row of numbers, the header or the count does not fit the rows, or there are none.
     """
-    text = _plain(path.read_bytes())
+    text = plain_text(path.read_bytes())
     layout = find_layout(text)
     body = b'\n' * text.count(b'\n', 0, layout.start) + text[layout.start :]  # lines keep their numbers
     if b'"' in body:
@@ -80,7 +80,8 @@ def find_layout(text: bytes) -> TextLayout:
     while at < len(text):
         end = text.find(b'\n', at) + 1 or len(text)
         line = text[at:end].decode('utf-8', errors='replace').strip(' \r\n')
-        words, separator = split_cells(line.lstrip('#/ ') if line.startswith(_COMMENT) else line)
+        said = line.lstrip('#/ ').rpartition(': ')[2] if line.startswith(_COMMENT) else line  # 'columns: x y z'
+        words, separator = split_cells(said)
         numbers = [_is_number(word) for word in words if word]
         if line.startswith(_COMMENT):
             if names_points(words):
@@ -137,7 +138,7 @@ def _is_number(word: str) -> bool:
     return bool(_NUMBER.fullmatch(word) or _DECIMAL_COMMA.fullmatch(word))
 
 
-def _plain(data: bytes) -> bytes:
+def plain_text(data: bytes) -> bytes:
     """UTF-8 without a mark at its beginning, lines that end with a line feed."""
     if data.startswith((b'\xff\xfe', b'\xfe\xff')):
         data = data.decode('utf-16', errors='replace').encode()

@@ -1,9 +1,34 @@
 """Oriented boxes with their classes."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
+
+
+def box_rows(boxes: Any) -> Any:
+    """Rows (x, y, z, dx, dy, dz, yaw) about the middle of each box.
+
+    mmdetection3d keeps the middle of the bottom face; ``gravity_center`` of its boxes is the middle.
+
+    Args:
+        boxes: ``LiDARInstance3DBoxes`` or ``DepthInstance3DBoxes``, whose columns after the seventh (velocities) are
+            left out; anything else is handed back as it is.
+
+    Raises:
+        ValueError: They lie in a camera's frame, whose y points down.
+    """
+    if not hasattr(boxes, 'gravity_center'):
+        return boxes
+    if getattr(boxes, 'YAW_AXIS', 2) != 2:
+        raise ValueError(
+            f'{type(boxes).__name__}: expected boxes that turn about z; call convert_to(Box3DMode.LIDAR) or '
+            'convert_to(Box3DMode.DEPTH) first'
+        )
+    rows = boxes.tensor[:, :7].clone()
+    rows[:, :3] = boxes.gravity_center
+    return rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -12,7 +37,8 @@ class Boxes3D:
 
     Attributes:
         tensor: (M, 7) float64 rows (x, y, z, dx, dy, dz, yaw): centre of gravity in metres (scene frame, z up), length
-            along the heading, width, height in metres, yaw in radians counter-clockwise from +x.
+            along the heading, width, height in metres, yaw in radians counter-clockwise from +x. Boxes of mmdetection3d
+            may be given as they are, see :func:`box_rows`.
         labels: (M,) int64 class numbers.
         scores: (M,) float64 in [0, 1]; 1 where none is given.
 
@@ -20,12 +46,13 @@ class Boxes3D:
         ValueError: A shape does not fit, a number is not finite, or a size is not positive.
     """
 
-    tensor: Float[np.ndarray, 'boxes 7']
+    tensor: Float[np.ndarray, 'boxes 7'] | Any  # an array once made
     labels: Int[np.ndarray, ' boxes']
     scores: Float[np.ndarray, ' boxes'] | None = None
 
     def __post_init__(self) -> None:
-        tensor = np.asarray(self.tensor, dtype=np.float64).reshape(-1, 7)
+        rows = box_rows(self.tensor)
+        tensor = np.asarray(rows.cpu() if hasattr(rows, 'cpu') else rows, dtype=np.float64).reshape(-1, 7)
         labels = np.asarray(self.labels, dtype=np.int64).reshape(-1)
         scores = np.ones(len(tensor)) if self.scores is None else np.asarray(self.scores, dtype=np.float64).reshape(-1)
         if not len(tensor) == len(labels) == len(scores):

@@ -9,6 +9,8 @@ from jaxtyping import Float, Int
 def number_by_first_point(labels: Int[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
     """Renumber labels 0..R-1 in the order of each region's first point; -1 stays -1."""
     labels = np.asarray(labels, dtype=np.int64)
+    if _are_numbered(labels):
+        return labels.copy()
     kept = labels >= 0
     _, first, inverse = np.unique(labels[kept], return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
@@ -16,6 +18,12 @@ def number_by_first_point(labels: Int[np.ndarray, ' points']) -> Int[np.ndarray,
     out = np.full(len(labels), -1, dtype=np.int64)
     out[kept] = rank[inverse]
     return out
+
+
+def _are_numbered(labels: Int[np.ndarray, ' points']) -> bool:
+    """Whether each new label is one more than the greatest before it."""
+    before = np.concatenate([[-1], np.maximum.accumulate(labels)[:-1]])
+    return bool((labels >= -1).all() and (labels <= before + 1).all())
 
 
 @dataclass(frozen=True, eq=False)

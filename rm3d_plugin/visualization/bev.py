@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
@@ -89,6 +90,7 @@ def span_of(panels: Sequence[BevPanel], margin: float = 2.0) -> Span:
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
+@rc_context({'text.parse_math': False})  # names are words, not formulas
 def draw_bev(
     panels: Sequence[BevPanel],
     span: Span | None = None,

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
@@ -18,6 +19,7 @@ MARKERS = ('o', 's', '^', 'D', 'v', 'P', 'X', '*')  # a class has a colour and, 
 MANY = 2000  # labelled points from which on marks would hide each other, so that dots are drawn
 
 
+@rc_context({'text.parse_math': False})  # names are words, not formulas
 def draw_label_picture(
     cloud: PointCloud,
     semantic: Int[np.ndarray, ' points'],

@@ -130,3 +130,13 @@ def test_pictures():
     for points in (0, 1):
         few = PointCloud(np.zeros((points, 3), dtype=np.float32))
         assert draw_label_picture(few, np.zeros(points, dtype=np.int64), ('a',))[:4] == PNG
+
+
+def test_other_clicks_are_not_replaced(tmp_path, capsys):
+    mine = 'scene,index,class\nscene_0000,3,wall\n'
+    (tmp_path / 'clicks.csv').write_text(mine)
+    for out in (tmp_path, tmp_path / 'clicks.csv'):
+        assert toy(out, '--budget', '20pts', '--dataset-options', 'count=2') == 2
+        assert 'clicks.csv: holds other clicks, which are not replaced; name another place' in capsys.readouterr().err
+        assert [path.name for path in tmp_path.iterdir()] == ['clicks.csv']
+        assert (tmp_path / 'clicks.csv').read_text() == mine

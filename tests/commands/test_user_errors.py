@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from rm3d_plugin.commands.main import main
 from rm3d_plugin.commands.user_errors import exit_code
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.storage import DamagedFileError
@@ -64,3 +65,24 @@ def test_a_wrong_config_is_told_before_torch_is_imported(command):
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
     assert (done.returncode, done.stderr.partition(';')[0]) == (2, 'error: nosuch: no such config')
     assert time.process_time() - began < 2
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        ('predict a.pth b.ply --out c --max-points 0', '--max-points: expected a whole number from 1, got 0'),
+        ('predict a.pth b.ply --out c --chunk -1', '--chunk: expected metres above 0, got -1'),
+        ('predict a.pth b.ply --out c --unknown-below 3', '--unknown-below: expected a share from 0 to 1, got 3'),
+        ('predict a.pth b.ply --out c --intensity-range 5 1', '--intensity-range: expected LOW below HIGH'),
+        ('predict a.pth b.ply --out c --min-score nan', '--min-score: expected a share from 0 to 1, got nan'),
+        ('prepare page.py --jobs 0', '--jobs: expected a whole number from 1, got 0'),
+        ('draw_labels page.py --out c --scenes many', '--scenes: expected a whole number from 0, got many'),
+        ('test page.py a.pth --tta-rotations 1.5', '--tta-rotations: expected a whole number from 1, got 1.5'),
+        ('label a.ply --clicks b.csv --out c --train 0', '--train: expected minutes above 0, got 0'),
+        ('reproduce oakland --seeds -1', '--seeds: expected a whole number from 0, got -1'),
+    ],
+)
+def test_numbers_of_the_command_line_are_checked_first(words, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(words.split())
+    assert ended.value.code == 2 and said in capsys.readouterr().err

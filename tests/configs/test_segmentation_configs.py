@@ -38,6 +38,8 @@ def _own_scope():
 
 def load(path: Path, folder: Path, demo: bool = False):
     options = {'data_root': str(folder / 'data'), 'cache_dir': str(folder / 'cache')}
+    if 'files' in path.stem:  # found from the scans when training begins
+        options['point_columns'] = ['rgb', 'shape', 'place']
     return load_config(path, folder / 'run', demo, options)
 
 

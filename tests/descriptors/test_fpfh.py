@@ -35,6 +35,24 @@ def test_equals_open3d(cap, array):
     np.testing.assert_allclose(got.values, np.load(GOLDEN / 'open3d_fpfh.npz')[array], rtol=1e-6, atol=1e-12)
 
 
+def test_duplicates_count_as_in_open3d():
+    """Open3D gives a pair of equal points features of 0; the point's own histogram shows it."""
+    given_cloud, want = np.load(GOLDEN / 'cloud_2000.npz'), np.load(GOLDEN / 'open3d_duplicates.npz')
+    points, normals = (given_cloud[name][want['rows']] for name in ('points', 'normals'))
+    got = fpfh(points, normals, 0.3, own_spfh=True)
+    assert got.valid.all() and len(np.unique(points, axis=0)) == len(points) - 63
+    np.testing.assert_allclose(got.values, want['fpfh'], rtol=1e-6, atol=2e-5)
+
+
+@pytest.mark.parametrize('own', [False, True])
+def test_duplicates_equal_the_loops(own):
+    points, normals = (array[np.r_[np.arange(80), np.arange(0, 80, 3), 4, 4]] for array in bumpy(80))
+    members = [[int(i) for i in row] for row, _ in slow_neighbors(points, points, 0.4, None)]
+    np.testing.assert_allclose(
+        fpfh(points, normals, 0.4, own_spfh=own).values, slow_fpfh(points, normals, members, own), rtol=1e-5, atol=1e-5
+    )
+
+
 @pytest.mark.parametrize('own', [False, True])
 @pytest.mark.parametrize(('radius', 'cap'), [(0.12, None), (0.12, 9), (None, 9)])
 def test_equals_the_loops(radius, cap, own):

@@ -28,6 +28,9 @@ optim_wrapper = dict(type='OptimWrapper', optimizer=dict(type='Adam', lr=0.05))
 randomness = dict(seed=0)
 custom_hooks = [
     dict(type='LossHook'),
+    dict(type='rm3d_plugin.RunRecordHook'),
+    dict(type='rm3d_plugin.ReportHook', train_scenes=0, val_scenes=0),
+    dict(type='rm3d_plugin.ReportHook', train_scenes=1, val_scenes=0),
     dict(
         type='rm3d_plugin.RegionMergeHook',
         interval=2,
@@ -179,6 +182,7 @@ def project(tmp_path_factory):
     command = [sys.executable, 'run.py', 'config.py']
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    (folder / 'log.txt').write_text(done.stdout + done.stderr)
     return folder
 
 
@@ -213,3 +217,10 @@ def test_the_hook_makes_two_rounds_and_the_second_finds_the_hidden_blocks(projec
         found = second.boxes.tensor[~second.box_is_annotated, :3]
         block = points[owner == 1].mean(axis=0)
         assert np.linalg.norm(found - block, axis=1).min() < 0.3  # without votes a block may fall into several boxes
+
+
+def test_the_report_tells_of_labels_and_losses_and_says_what_pictures_need(project):
+    page = (project / 'work' / 'report.html').read_text()
+    assert 'loss_dice' in page and page.count('<svg') + page.count('data:image/png') >= 1
+    told = (project / 'log.txt').read_text()
+    assert 'no report.html: ReportHook: the prediction of scene a has no pred_bboxes_3d' in told

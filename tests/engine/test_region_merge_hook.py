@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from mmengine.runner import IterBasedTrainLoop
 from runs import tiny_runs
 
-from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook, point_prediction
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.round_times import RoundTimes
+from rm3d_plugin.engine.scene_prediction import scene_prediction
+from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.storage import LabelStore, read_json
-from rm3d_plugin.structures import LabelStatistics, SceneSample
+from rm3d_plugin.structures import LabelStatistics, SceneError, SceneSample
 
 
 class CountingLabelMaker:
@@ -93,6 +97,7 @@ def in_a_folder_of_its_own(tmp_path, monkeypatch):
 def epochs(hook, label_maker, first, last) -> list[list[tuple[Any, ...]]]:
     """Run epochs first..last - 1 of a runner without data; what the label_maker was asked in each."""
     runner = SimpleNamespace(epoch=first, seed=5, model=Model(), logger=SimpleNamespace(info=print), work_dir='.')
+    runner.train_loop = None
     runner.build_dataloader = lambda loader, seed: loader if seed == 5 else None
     hook.before_train(runner)
     assert runner.model.statistics == [3, 1]
@@ -175,11 +180,58 @@ def test_predictions_are_scattered_to_all_points_of_the_scene():
 
 def test_a_sample_may_leave_out_centres_and_indices_but_not_probabilities():
     sample = SceneSample(metainfo={'scene_id': 's1'})
-    with pytest.raises(ValueError, match='scene s1 has no `pred_point_probs`'):
-        point_prediction(sample)
+    with pytest.raises(SceneError, match='scene s1 has no pred_point_probs'):
+        scene_prediction(sample)
     sample.pred_point_probs = torch.tensor([[0.5, 0.5]])
-    prediction = point_prediction(sample)
+    scene, prediction = scene_prediction(sample)
+    assert scene == 's1'
     assert prediction.centers is None and prediction.probabilities.tolist() == [[0.5, 0.5]]
+
+
+@pytest.mark.parametrize(
+    ('fields', 'message'),
+    [
+        (dict(pred_point_probs=torch.tensor([[2.0, -1.0]])), r's1: pred_point_probs: .*got shape \(1, 2\) and -1 to 2'),
+        (dict(pred_point_probs=torch.tensor([[3.0, 4.0]])), r'logits\? give logits.softmax\(dim=1\)'),
+        (dict(pred_point_probs=torch.tensor([0, 1])), r'got shape \(2,\)'),
+        (dict(pred_point_probs=torch.tensor([[torch.inf, 0.0]])), 'sum to 1'),
+        (dict(point_index=torch.tensor([0, 1])), 'pred_point_probs: expected 2 rows, one for each input point, got 1'),
+        (dict(pred_point_centers=torch.zeros(2, 3)), 'pred_point_centers: expected 1 rows'),
+        (dict(point_index=torch.tensor([1])), r'point_index: expected 0..0 \(num_points=1\), got 1..1'),
+    ],
+)
+def test_what_is_no_probability_of_each_point_is_refused(fields, message):
+    sample = SceneSample(metainfo={'scene_id': 's1'}, pred_point_probs=torch.tensor([[0.5, 0.5]]))
+    sample.set_data(fields)
+    with pytest.raises(SceneError, match=message):
+        scene_prediction(sample)
+
+
+def test_half_precision_and_unseen_points_are_probabilities():
+    probs = torch.tensor([[0.3, 0.3, 0.4], [torch.nan] * 3]).bfloat16()
+    sample = SceneSample(metainfo={'scene_id': 's1'}, pred_point_probs=probs)
+    assert scene_prediction(sample)[1].probabilities[0] == pytest.approx([0.3, 0.3, 0.4], abs=2e-3)
+
+
+@pytest.mark.parametrize('shape', [(4, 3), (2, 3), (3, 2)])
+def test_predictions_of_another_size_are_refused_before_labels_are_made(shape):
+    source = SimpleNamespace(scene_ids=('a', 'b'), classes=('x', 'y'))
+    label_maker = SimpleNamespace(store=SimpleNamespace(scenes=lambda number: {'a': SimpleNamespace(points=3)}))
+    label_maker.source, label_maker.task = source, 'detection'
+    prediction = SimpleNamespace(probabilities=np.zeros(shape))
+    with pytest.raises(SceneError, match=r'scene a: pred_point_probs: expected 3 rows .* and 3 columns .*background'):
+        list(LabelMaker.checked(label_maker, [('a', prediction)]))
+    with pytest.raises(SceneError, match='scene b was predicted, but is none of the 1'):
+        list(LabelMaker.checked(label_maker, [('b', prediction)]))
+
+
+def test_training_by_iterations_and_models_that_cannot_be_told_are_refused():
+    hook = RegionMergeHook(interval=1, label_maker=CountingLabelMaker(), dataloader=[])
+    by_iterations = IterBasedTrainLoop.__new__(IterBasedTrainLoop)
+    with pytest.raises(ConfigError, match=r'training runs by iterations; set train_cfg=dict\(by_epoch=True'):
+        hook.before_train(SimpleNamespace(train_loop=by_iterations, model=Model()))
+    with pytest.raises(ConfigError, match='Linear has no set_label_statistics'):
+        hook.before_train(SimpleNamespace(train_loop=None, model=torch.nn.Linear(1, 1)))
 
 
 @pytest.mark.parametrize('field', ['interval', 'rounds', 'warm_up_rounds'])

@@ -63,7 +63,7 @@ def sides(frames):
 
 
 def evaluate(*frames, **options):
-    return kitti_ap(*sides(frames), **options)
+    return kitti_ap(*sides(frames), **{'sampling': 'auto', **options})
 
 
 def car(table, metric='3d', difficulty='moderate'):
@@ -170,7 +170,7 @@ class TestByHand:
         table = evaluate(frame_of([('Car', 0)], [('Car', 0), ('Cyclist', 4)]))
         assert np.isnan(table.cell('Cyclist', '3d', 'easy').r40)
         assert table.mean('3d', 'easy') == pytest.approx(100)
-        assert evaluate(frame_of([], [('Car', 0)])).mean('3d', 'easy') == 0
+        assert np.isnan(evaluate(frame_of([], [('Car', 0)])).mean('3d', 'easy'))
 
     def test_frames_stay_apart(self):
         frames = [frame_of([('Car', 0)]), frame_of([], [('Car', 0)])]
@@ -253,7 +253,7 @@ def test_equals_the_slow_evaluator(seed):
 
 class TestInput:
     def test_no_frames(self):
-        assert kitti_ap([], []).mean('3d', 'moderate') == 0
+        assert np.isnan(kitti_ap([], []).mean('3d', 'moderate'))
 
     def test_wrong_options_are_named(self):
         with pytest.raises(ValueError, match="sampling: expected .* got 'r40'"):
@@ -294,6 +294,6 @@ def test_names_and_table():
     assert not any(key.startswith('Cyclist') for key in named)
     assert all(np.isfinite(value) for value in named.values())
     lines = [line.split() for line in format_table(records).splitlines()]
-    assert ['Car', '3d', 'AP', 'R40', '@', '0.70', '50.00', '50.00', '50.00'] in lines
-    assert ['mean', '3d', 'AP', 'R40', 'loose', '50.00', '50.00', '50.00'] in lines
+    assert ['Car', '3d', 'AP', 'R40', '@', '0.70,', 'interpolated', '50.00', '50.00', '50.00'] in lines
+    assert ['mean', '3d', 'AP', 'R40', 'loose,', 'interpolated', '50.00', '50.00', '50.00'] in lines
     assert format_table(records[:1]).splitlines()[-1].split()[-2:] == ['-', '-']

@@ -91,6 +91,14 @@ XYZ = np.array([[0, 0, 0], [2, 0, 0], [4, 0, 0], [6, 0, 0], [0, 9, 0], [0, 9, 0]
 TRUTH = SceneTruth(np.array([1, 1, 1, 1, 0, 255]), np.array([0, 0, 0, 0, -1, -1]), XYZ)
 
 
+def test_truth_of_any_integer_type():
+    half = labels([1, 1, -1, 0, 0, 1], [3, 3, -1, -1, -1, 3])
+    small = SceneTruth(TRUTH.semantic.astype(np.uint8), (TRUTH.instance + 2**40).astype(np.uint64), XYZ)
+    want, got = (count_pseudo_labels(half, truth, 2) for truth in (TRUTH, small))
+    assert got.points.present.tolist() == want.points.present.tolist() == [[1, 4]]
+    assert got.points.correct.tolist() == want.points.correct.tolist()
+
+
 def offsets(scene):
     found = count_pseudo_labels(scene, TRUTH, 2).offsets
     return found.metres.tolist(), found.points.tolist()

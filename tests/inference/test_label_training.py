@@ -1,24 +1,29 @@
 """From clicks to a network within a given time: the plan, what the config is told, and a small run."""
 
+from contextlib import nullcontext
 from functools import partial
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from reference.corner_scan import corner, few, write_clicks_csv
 from runs import tiny_runs
 
+from rm3d_plugin.commands import label
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.inference import label_refresh
 from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
+from rm3d_plugin.inference.label_files import WrittenScan
+from rm3d_plugin.inference.label_refresh import label_again
 from rm3d_plugin.inference.label_training import (
     Pace,
     Schedule,
     TrainingOptions,
     clicks_of,
     plan_schedule,
-    sensor_columns,
 )
 from rm3d_plugin.storage.ply import read_ply, write_ply
-from rm3d_plugin.structures import PointCloud
 
 TINY = ['widths=[8,16]', 'voxel_size=0.3', 'threads=1', 'learning_rate=0.01']
 FEW = ['rounds=1', 'sigma=8', 'periods=[8]', 'restart_weights=[1]']  # the time that is left is not used
@@ -48,15 +53,6 @@ def test_labels_become_clicks_by_number():
     assert [(click.scene, click.index, click.semantic) for click in clicks] == [('a', 4, 1), ('a', 9, 0)]
 
 
-def test_the_columns_are_those_that_all_scans_have():
-    xyz = np.zeros((2, 3))
-    plain, bright = PointCloud(xyz), PointCloud(xyz, intensity=np.ones(2), colors=np.ones((2, 3)))
-    assert sensor_columns([plain, plain]) == []
-    assert sensor_columns([bright, bright]) == ['intensity', 'rgb']
-    with pytest.raises(ConfigError, match='1 of 2 scans have intensity; expected all or none'):
-        sensor_columns([plain, bright])
-
-
 @pytest.fixture(scope='module')
 def run(tmp_path_factory):
     """A corner with clicks and one without."""
@@ -82,3 +78,52 @@ def test_the_network_is_judged_and_further_scans_are_predicted(run):
     assert (other['label'] == semantic).mean() > 0.8
     assert list((folder / 'out' / 'training' / 'run').glob('epoch_*.pth'))
     assert not (folder / 'out' / 'training' / 'pace').exists()
+
+
+class Said(NamedTuple):
+    network_weight: float
+
+
+@pytest.mark.parametrize('weights', [(0.0, 0.0), (0.0, 0.4)])
+def test_further_scans_are_told_to_be_doubtful_where_nothing_speaks_for_the_network(weights, monkeypatch, tmp_path):
+    scans = [tmp_path / 'a.ply', tmp_path / 'b.ply']
+    said = dict(zip(scans, map(Said, weights), strict=True))
+    prepared = SimpleNamespace(scene=SimpleNamespace(cloud=None), columns={})
+    files = SimpleNamespace(
+        scans=scans, prepared=lambda _: prepared, given=None, options=SimpleNamespace(format='same')
+    )
+    written = WrittenScan(tmp_path / 'c.ply', None, None, [])
+    fakes = {
+        'train_network': lambda *_: (None, None),
+        'judges_of': lambda _: {'a': None, 'b': None},
+        '_with_network': lambda _, scan, *__: said[scan],
+        'write_scan': lambda *_: [],
+        'scan_kind': lambda _: None,
+        'summary_of': lambda *_: {},
+        '_predicted': lambda *_: written,
+    }
+    for name, fake in fakes.items():
+        monkeypatch.setattr(label_refresh, name, fake)
+    summary = SimpleNamespace(add=lambda *_: None)
+    expected = nullcontext() if any(weights) else pytest.warns(UserWarning, match='--more: 1 scans are predicted by')
+    with expected:
+        found = list(label_again(files, 'rooms', [written.scan], tmp_path, TrainingOptions(1.0), summary))
+    assert found[-1] is written and len(found) == 3
+
+
+def test_ctrl_c_leaves_the_first_labels(tmp_path, monkeypatch, capsys):
+    xyz, semantic = corner()
+    scan = write_ply(tmp_path / 'corner.ply', {axis: xyz[:, i].astype(np.float32) for i, axis in enumerate('xyz')})
+    clicks = write_clicks_csv(tmp_path / 'clicks.csv', 'corner', few(semantic, 3), semantic)
+    kept = {}
+
+    def interrupted(*_):
+        kept.update({path.name: path.read_bytes() for path in (tmp_path / 'out').iterdir()})
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(label_refresh, 'train_network', interrupted)
+    with pytest.raises(SystemExit) as ended:
+        label.main([str(scan), '--clicks', str(clicks), '--out', str(tmp_path / 'out'), '--train', '5', '--no-check'])
+    assert ended.value.code == 130 and 'the labels written so far stand' in capsys.readouterr().err
+    assert set(kept) == {'corner.ply', 'labels.json'}
+    assert {path.name: path.read_bytes() for path in (tmp_path / 'out').iterdir()} == kept

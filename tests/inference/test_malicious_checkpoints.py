@@ -2,12 +2,16 @@
 
 import json
 import pickle
+import sys
 
 import pytest
 import torch
-from runs.random_segmentor import make_checkpoint
+from runs.random_segmentor import make_checkpoint, make_scan
 
+from rm3d_plugin.commands.main import run
+from rm3d_plugin.engine.checkpoint import read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.hooks import SafeCheckpointHook
 from rm3d_plugin.inference.trained import load_network
 
 
@@ -70,6 +74,74 @@ def test_hooks_and_imports_of_a_checkpoint_are_not_looked_at(tmp_path):
         config['custom_hooks'] = [dict(type='os.system', command='false')]
 
     assert load_network(changed(make_checkpoint(tmp_path / 'net.pth'), change)).classes
+
+
+@pytest.mark.parametrize('number', [10**400, 10**9, -(10**9), float('inf')])
+def test_sizes_beyond_the_weights_are_refused_before_room_is_made(tmp_path, number):
+    def change(config):
+        config['model']['backbone']['widths'][1] = number
+
+    path = changed(make_checkpoint(tmp_path / 'net.pth'), change)
+    with pytest.raises(ConfigError, match=r'net\.pth: model\.backbone\.widths\[1\]: .* is larger than the network'):
+        load_network(path)
+
+
+@pytest.fixture
+def evil(tmp_path, monkeypatch):
+    """A module that leaves a file when it is imported or called, and that file."""
+    ran = tmp_path / 'ran'
+    (tmp_path / 'evil.py').write_text(f'def touch(**_):\n    open({str(ran)!r}, "w")\n\n\ntouch()\n')
+    monkeypatch.syspath_prepend(tmp_path)
+    yield ran
+    sys.modules.pop('evil', None)
+
+
+EVIL = dict(type='evil.touch')
+
+
+def everywhere(config):
+    """All that training would build or import."""
+    config['custom_imports'] = dict(imports=['evil'], allow_failed_imports=False)
+    config |= {'custom_hooks': [EVIL], 'default_hooks': dict(logger=EVIL), 'env_cfg': EVIL, 'visualizer': EVIL}
+    config |= {'_base_': ['evil.py'], 'default_scope': 'evil', 'train_cfg': EVIL, 'optim_wrapper': EVIL}
+    config |= {'val_evaluator': EVIL, 'test_dataloader': EVIL, 'train_dataloader': dict(dataset=EVIL)}
+    config['val_dataloader'] |= {'sampler': EVIL, 'collate_fn': EVIL}
+
+
+def in_the_pipeline(config):
+    config['val_dataloader']['dataset']['pipeline'].insert(0, EVIL)
+
+
+def in_the_preprocessor(config):
+    config['model']['data_preprocessor'] = EVIL
+
+
+def in_a_scope(config):
+    config['model'] |= {'type': 'touch', '_scope_': 'evil'}
+
+
+@pytest.mark.parametrize(
+    ('change', 'code'), [(everywhere, 0), (in_the_pipeline, 2), (in_the_preprocessor, 2), (in_a_scope, 2)]
+)
+def test_a_prediction_runs_nothing_of_a_stranger(tmp_path, evil, change, code, capsys):
+    path, scan = changed(make_checkpoint(tmp_path / 'net.pth'), change), make_scan(tmp_path / 'scan.ply')
+    assert run('predict', [str(path), str(scan), '--out', str(tmp_path / 'out')]) == code
+    assert not evil.exists() and 'evil' not in sys.modules
+    assert ('is no part of rm3d_plugin' in capsys.readouterr().err) == (code == 2)
+    assert (tmp_path / 'out' / 'scan.ply').exists() == (code == 0)
+
+
+def test_a_config_as_text_is_not_run_on_resuming(tmp_path):
+    """mmengine runs ``meta.config`` of a checkpoint that it resumes."""
+    ran = tmp_path / 'ran'
+    path = make_checkpoint(tmp_path / 'net.pth')
+    state = torch.load(path, weights_only=True)
+    state['meta'] |= {'config': f'open({str(ran)!r}, "w")', 'epoch': 0, 'iter': 0}
+    torch.save(state, path)
+    with pytest.raises(ConfigError, match=r'net\.pth: meta\.config holds a config as Python text, which would run'):
+        read_checkpoint(path)
+    SafeCheckpointHook().after_load_checkpoint(None, state)
+    assert 'config' not in state['meta'] and not ran.exists()
 
 
 def test_pickled_code_is_not_run(tmp_path):

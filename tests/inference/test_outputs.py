@@ -1,5 +1,6 @@
 """Outputs never replace inputs, by whatever name."""
 
+import errno
 import os
 
 import numpy as np
@@ -10,6 +11,7 @@ from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.inference.oversegment import oversegment_file
 from rm3d_plugin.inference.predict import predict_files
+from rm3d_plugin.storage.files import atomic_write
 
 
 def test_the_same_file_by_path_link_or_inode(tmp_path):
@@ -30,6 +32,23 @@ def test_a_folder_that_is_a_file(tmp_path):
     for path in (tmp_path / 'file', tmp_path / 'file' / 'below'):
         with pytest.raises(ConfigError, match='file is a file; name a folder'):
             check_folder(path)
+
+
+def test_a_folder_that_is_read_only(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, 'access', lambda path, mode: path != tmp_path)
+    with pytest.raises(ConfigError, match=rf'--out .*: {tmp_path} is read-only; name another folder'):
+        check_folder(tmp_path / 'new')
+
+
+def test_a_full_disk_is_told_with_the_file(tmp_path):
+    def write(file):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    (tmp_path / 'a.npz').write_text('old')
+    with pytest.raises(OSError, match='No space left on device') as caught:
+        atomic_write(tmp_path / 'a.npz', write)
+    assert caught.value.filename == str(tmp_path / 'a.npz')
+    assert [path.name for path in tmp_path.iterdir()] == ['a.npz'] and (tmp_path / 'a.npz').read_text() == 'old'
 
 
 def test_predict_and_oversegment_spare_their_inputs(tmp_path):

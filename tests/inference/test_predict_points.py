@@ -13,6 +13,7 @@ from rm3d_plugin.inference.predict_formats import ScanPrediction
 from rm3d_plugin.inference.predict_points import PointOptions, fit_channels, keep_labels, trained_intensity_range
 from rm3d_plugin.models.heads.proposals import Instances
 from rm3d_plugin.storage import LabelStore
+from rm3d_plugin.storage.columns import read_columns
 from rm3d_plugin.storage.ply import write_ply
 from rm3d_plugin.storage.scans import read_scan
 from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels, SceneError
@@ -86,10 +87,76 @@ def test_uncertain_points_are_unknown_and_grey(checkpoint, tmp_path):
     expected = np.where(all_known['confidence'] < gamma, -1, all_known['label'])
     np.testing.assert_array_equal(some['label'], expected)
     assert 0.3 < (expected < 0).mean() < 0.7
-    ply = read_scan(run(checkpoint, scan, tmp_path / 'out', unknown_below=gamma))
+    ply = read_scan(run(checkpoint, scan, tmp_path / 'out', unknown_below=gamma, paint=True))
     np.testing.assert_allclose(ply.cloud.colors[expected < 0], 0.8, atol=0.01)
     (color,) = np.unique(ply.cloud.colors[expected == expected.max()], axis=0)
     assert np.ptp(color) > 0.1
+
+
+def test_ply_keeps_what_the_scan_holds(checkpoint, tmp_path):
+    columns = read_columns(make_scan(tmp_path / 'plain.ply'))
+    columns |= {'scalar_age': np.arange(300, dtype=np.float32), 'label': np.full(300, 7, dtype=np.uint8)}
+    scan = write_ply(tmp_path / 'a.ply', columns)
+    after = read_columns(run(checkpoint, scan, tmp_path / 'out'))
+    for name, values in columns.items():
+        kept = after['input_label' if name == 'label' else name]
+        np.testing.assert_array_equal(kept, values)
+        assert kept.dtype == values.dtype
+    assert set(after) - set(columns) == {'confidence', 'input_label'} and after['label'].max() <= 2
+    painted = read_columns(run(checkpoint, scan, tmp_path / 'painted', paint=True))
+    np.testing.assert_array_equal(painted['input_red'], columns['red'])
+    assert len(np.unique(painted['red'])) <= 3
+
+
+@pytest.mark.parametrize('classify', [False, True])
+def test_las_keeps_every_dimension(checkpoint, classify, tmp_path):
+    laspy, rng = pytest.importorskip('laspy'), np.random.default_rng(0)
+    las = laspy.create(point_format=7, file_version='1.4')
+    las.add_extra_dim(laspy.ExtraBytesParams('height', np.float32))
+    las.header.offsets, las.header.scales = [4e5, 5e6, 0], [1e-3, 1e-3, 1e-3]
+    las.x, las.y, las.z = (rng.uniform(0, 5, (60, 3)) + [4e5, 5e6, 0]).T
+    las.classification, las.gps_time = np.full(60, 6, np.uint8), np.arange(60.0)
+    las.intensity, las.height = np.arange(60, dtype=np.uint16), np.arange(60, dtype=np.float32)
+    las.red = las.green = las.blue = np.full(60, 300, np.uint16)
+    las.write(tmp_path / 'a.laz' if classify else tmp_path / 'a.las')
+    scan = next(tmp_path.glob('a.la?'))
+    after = laspy.read(run(checkpoint, scan, tmp_path / 'out', format='las', classify=classify))
+    for name in las.point_format.dimension_names:
+        if name != 'classification' or not classify:
+            np.testing.assert_array_equal(np.asarray(after[name]), np.asarray(las[name]))
+    label = np.asarray(after['label'])
+    assert set(label.tolist()) <= {0, 1, 2} and (after.header.offsets == las.header.offsets).all()
+    if classify:
+        np.testing.assert_array_equal(after.classification, 64 + label)
+        assert set(np.asarray(after['input_classification']).tolist()) == {6}
+    as_ply = read_columns(run(checkpoint, scan, tmp_path / 'out'))
+    assert as_ply['classification'].tolist() == [6] * 60 and as_ply['height'].tolist() == list(range(60))
+
+
+def test_tables_and_archives_keep_their_columns_in_every_format(tmp_path):
+    pytest.importorskip('laspy')
+    network = make_checkpoint(tmp_path / 'net.pth', columns=(), named={'x': 'e', 'y': 'n', 'z': 'h'})
+    scan = tmp_path / 'a.csv'
+    rows = ''.join(f'{i / 7:.3f},{i % 5},{i % 3},{i},0.5\n' for i in range(40))
+    scan.write_text('e,n,h,time,intensity\n' + rows)
+    for kind in ('ply', 'las', 'npz'):
+        after = read_columns(run(network, scan, tmp_path / 'out', format=kind))
+        assert after['time'].tolist() == list(range(40)), kind
+        assert set(after['input_intensity' if kind == 'las' else 'intensity'].tolist()) == {0.5}
+        np.testing.assert_allclose(after['x'], after['e'], atol=2e-4)
+    np.savez(tmp_path / 'b.npz', xyz=np.random.default_rng(0).uniform(0, 5, (40, 3)), name='hall', old=np.arange(40))
+    network = make_checkpoint(tmp_path / 'net.pth', columns=())
+    with np.load(run(network, tmp_path / 'b.npz', tmp_path / 'out', format='npz')) as after:
+        assert str(after['name']) == 'hall' and after['old'].tolist() == list(range(40)) and 'label' in after
+
+
+def test_points_without_a_place_are_left_out_with_all_they_hold(checkpoint, tmp_path):
+    columns = read_columns(make_scan(tmp_path / 'plain.ply'))
+    columns['x'][3] = np.nan
+    scan = write_ply(tmp_path / 'a.ply', columns | {'age': np.arange(300, dtype=np.int32)})
+    with pytest.warns(UserWarning, match='1 of 300 points are NaN'):
+        after = read_columns(run(checkpoint, scan, tmp_path / 'out', nan_points='drop'))
+    assert after['age'].tolist() == [age for age in range(300) if age != 3]
 
 
 def test_thinned_runs_answer_for_every_original_point(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from reference.toy_scenes import make_scene
 
 from rm3d_plugin.datasets.synthetic import make_streets
-from rm3d_plugin.inference.scan_kind import plan_evenness, scan_kind
+from rm3d_plugin.inference.scan_kind import plan_evenness, scan_kind, share_covered
 from rm3d_plugin.storage.scans import read_cloud
 from rm3d_plugin.structures import PointCloud
 
@@ -36,8 +36,15 @@ def test_real_scans(pattern):
         pytest.skip(f'no {pattern} in {REAL}; RM3D_REAL_DATA names the folder')
     kind, count = EXPECTED[pattern]
     found = [scan_kind(read(path)) for path in paths]
-    print(*(f'{path.name}: {each.text()}' for path, each in zip(paths, found, strict=True)), sep='\n')
+    print(
+        *(
+            f'{path.name}: {each.text()}; {each.covered:.2f} under one level'
+            for path, each in zip(paths, found, strict=True)
+        ),
+        sep='\n',
+    )
     assert [each.kind for each in found] == [kind] * count
+    assert max(each.covered for each in found) < 0.2
 
 
 def test_a_room():
@@ -68,6 +75,33 @@ def test_a_tile_from_the_air():
     found = scan_kind(PointCloud(aerial(np.random.default_rng(0))))
     assert found.kind == 'airborne' and found.evenness > 0.65
     assert found.text().startswith('airborne: points are spread over the plan with an evenness of ')
+
+
+def storey(rng, height, holes=0.0, count=40000):
+    """Floor, ceiling and walls of 40 m by 15 m."""
+    xyz = rng.uniform(0, 1, (count, 3)) * [40, 15, 0]
+    part = rng.integers(0, 3, count)
+    xyz[part == 1, 2] = height
+    wall = part == 2
+    xyz[wall, 0] = rng.choice(np.arange(0, 41, 5.0), wall.sum())
+    xyz[wall, 2] = rng.uniform(0, height, wall.sum())
+    return xyz[~((part == 1) & (rng.random(count) < holes)) & ~((part > 0) & (xyz[:, 0] < 40 * holes))]
+
+
+@pytest.mark.parametrize('height', [2.5, 6.0])
+def test_a_storey_is_indoors_however_long_it_is(height):
+    found = scan_kind(PointCloud(storey(np.random.default_rng(0), height)))
+    assert found.kind == 'rooms' and found.length > 25 and found.covered > 0.9
+    assert found.text().endswith('% of the plan lies under one ceiling, from 50 % on')
+
+
+def test_an_open_yard_is_not_indoors():
+    open_roof = storey(np.random.default_rng(0), 3.0, holes=0.7)
+    assert scan_kind(PointCloud(open_roof)).kind != 'rooms'
+    low, high = np.zeros(2), np.full(2, 60.0)
+    assert share_covered(aerial(np.random.default_rng(0)), low, high) == 0
+    assert share_covered(storey(np.random.default_rng(0), 12.0), low, high) == 0, 'too high for a ceiling'
+    assert share_covered(np.zeros((1, 3)), low, high) == 0
 
 
 def test_strays_and_the_place_of_a_scan_change_nothing():

@@ -8,7 +8,13 @@ from rm3d_plugin.descriptors import AdaptedPFH
 from rm3d_plugin.ops.segment import segment_majority
 from rm3d_plugin.oversegmentation import RegionGrowing
 from rm3d_plugin.oversegmentation.region_growing import link_points, seed_order, without_color_steps
-from rm3d_plugin.oversegmentation.small_regions import Affinity, absorb_small, drop_small, pair_affinity
+from rm3d_plugin.oversegmentation.small_regions import (
+    Affinity,
+    absorb_small,
+    drop_small,
+    pair_affinity,
+    unit_descriptors,
+)
 from rm3d_plugin.registry import OVERSEGMENTERS
 from rm3d_plugin.structures import Descriptors, PointCloud
 
@@ -148,7 +154,9 @@ def test_colour_steps_as_written_out():
     cloud, descriptors, _ = random_scene(3)
     colors = np.random.default_rng(99).random((len(cloud), 3))
     reach = np.full(len(cloud), 0.3)
-    links = link_points(cloud.xyz, cloud.normals, descriptors.values, 6, reach, 0.5, Affinity(1.0, 1.0, True))
+    links = link_points(
+        cloud.xyz, cloud.normals, unit_descriptors(descriptors), 6, reach, 0.5, Affinity(1.0, 1.0, True)
+    )
     cut = without_color_steps(links, colors, 0.6)
     for i, row in enumerate(links.neighbors):
         for j, other in enumerate(row):
@@ -162,7 +170,7 @@ def test_small_regions_go_to_the_most_affine_neighbour():
     neighbors = np.array([[1, -1], [2, 0], [3, 1], [2, 4], [3, 5], [4, 6], [5, -1]])
     normals = np.array([[0, 0, 1.0]] * 3 + [[0, 0.1, 1.0]] + [[0, 1.0, 0]] * 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    values = np.ones((7, 1))
+    values = unit_descriptors(described(np.ones((7, 1))))
     assert absorb_small(labels, neighbors, normals, values, 3, Affinity()).tolist() == [0, 0, 0, 0, 1, 1, 1]
     normals[3] = [0, 1.0, 0.1]
     assert absorb_small(labels, neighbors, normals, values, 3, Affinity()).tolist() == [0, 0, 0, 1, 1, 1, 1]

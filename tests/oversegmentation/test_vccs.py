@@ -6,7 +6,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from rm3d_plugin.ops.color import rgb_to_lab
-from rm3d_plugin.ops.supervoxels import VoxelDistance, VoxelFeatures, grow_supervoxels, seed_voxels, supervoxels
+from rm3d_plugin.ops.supervoxels import (
+    CORNER,
+    VoxelDistance,
+    VoxelFeatures,
+    from_corner,
+    grow_supervoxels,
+    seed_voxels,
+    supervoxels,
+)
 from rm3d_plugin.ops.voxel_grid import voxel_grid, voxel_neighbors
 from rm3d_plugin.oversegmentation import VCCS
 from rm3d_plugin.registry import OVERSEGMENTERS
@@ -109,6 +117,7 @@ def test_growth_ends_after_the_rings_and_in_gaps():
 
 def test_edges_of_colour_and_of_shape_are_kept():
     xyz = plane(2000)
+    xyz = xyz[np.abs(xyz[:, 0] - 1.0) > 0.05]  # no voxel holds both
     side = xyz[:, 0] > 1.0
     colors = np.where(side[:, None], np.float32([1, 0, 0]), np.float32([0, 0, 1])).astype(np.float32)
     cloud = PointCloud(xyz, colors=colors)
@@ -149,7 +158,7 @@ def test_a_room_falls_into_pure_connected_supervoxels():
     assert pure > 0.97 * len(xyz)
     again = VCCS(distance='pcl').segment(cloud, flat(cloud))
     np.testing.assert_array_equal(regions.labels, again.labels)
-    grid = voxel_grid(cloud.xyz, 0.05)
+    grid = voxel_grid(from_corner(cloud.xyz) + CORNER * 0.05, 0.05)
     near = voxel_neighbors(grid.coords)
     owner = np.full(len(grid.coords), -1)
     owner[grid.point_to_voxel] = regions.labels
@@ -167,6 +176,21 @@ def test_order_of_the_points_does_not_matter():
     labels = segmenter.segment(straight, flat(straight)).labels
     other = segmenter.segment(mixed, flat(mixed)).labels
     np.testing.assert_array_equal(Regions(labels[order]).labels, other)
+
+
+def lattice():
+    steps = np.arange(40) * 0.025
+    return np.stack(np.meshgrid(steps, steps, [0, 0.5]), axis=-1).reshape(-1, 3)
+
+
+@pytest.mark.parametrize('shift', [0.025, (0.025, 0.0, 0.0), (0.3, 1.7, -0.4), (12.345, -6.78, 1.1)])
+@pytest.mark.parametrize('distance', ['papon', 'pcl'])
+def test_a_moved_cloud_has_the_same_supervoxels(distance, shift):
+    segmenter = VCCS(distance=distance)
+    for xyz in (make_room()[0][::3], plane(2000), lattice()):
+        still, moved = PointCloud(xyz.astype(np.float32)), PointCloud((xyz + shift).astype(np.float32))
+        labels = segmenter.segment(still, flat(still)).labels
+        np.testing.assert_array_equal(segmenter.segment(moved, flat(moved)).labels, labels)
 
 
 def test_unreached_points_are_kept_or_discarded():

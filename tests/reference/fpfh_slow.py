@@ -9,13 +9,18 @@ def eleven(value, low, high):
     return int(min(max(np.floor(11 * (value - low) / (high - low)), 0), 10))
 
 
-def slow_spfh(points, normals, centre, members):
-    """Three histograms of the pairs of a point and its neighbours, 100 / (members - 1) a pair."""
+def slow_spfh(points, normals, centre, members, zeros):
+    """Three histograms of the pairs of a point and its neighbours, 100 / (members - 1) a pair.
+
+    With ``zeros`` a pair without a frame has features of 0, as in Open3D.
+    """
     bins = np.zeros((3, 11))
     for other in members:
         feature = (
             None if other == centre else pair_feature(points[centre], normals[centre], points[other], normals[other])
         )
+        if feature is None and zeros and other != centre:
+            feature = (0, 0, 0, 0)
         if feature is not None:
             theta, alpha, phi, _ = feature
             bins[0, eleven(theta, -np.pi, np.pi)] += 100 / (len(members) - 1)
@@ -27,7 +32,7 @@ def slow_spfh(points, normals, centre, members):
 def slow_fpfh(points, normals, neighborhoods, own_spfh=False):
     """(N, 33); ``neighborhoods``: the numbers of each point's neighbours, itself among them."""
     points, normals = np.float64(points), np.float64(normals)
-    spfh = [slow_spfh(points, normals, row, members) for row, members in enumerate(neighborhoods)]
+    spfh = [slow_spfh(points, normals, row, members, own_spfh) for row, members in enumerate(neighborhoods)]
     values = np.zeros((len(points), 3, 11))
     for row, members in enumerate(neighborhoods):
         for other in members:

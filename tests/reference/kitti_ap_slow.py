@@ -1,12 +1,13 @@
 """The KITTI evaluation written as one reads its rules: plain Python, one frame and one threshold after the other.
 
 A frame is a dict: 'truth' and 'found' lists of dicts with type, bbox, box (x, y, z, dx, dy, dz, yaw), alpha, and
-truncated, occluded (truth) or score (found).
+truncated, occluded (truth) or score (found). Items read by :func:`read_lines` have a line instead of the box, and are
+compared in the rectified camera frame.
 """
 
 import math
 
-from tests.reference.polygon_iou_slow import iou_3d, iou_bev
+from tests.reference.polygon_iou_slow import area, clip, iou_3d, iou_bev
 
 LIMITS = {'easy': (40, 0, 0.15), 'moderate': (25, 1, 0.3), 'hard': (25, 2, 0.5)}
 COUSIN = {'Car': 'Van', 'Pedestrian': 'Person_sitting'}
@@ -26,7 +27,37 @@ def overlap(truth, found, metric):
     if metric == 'bbox':
         shared = intersection_2d(truth['bbox'], found['bbox'])
         return shared / (size_2d(truth['bbox']) + size_2d(found['bbox']) - shared)
+    if 'line' in truth:
+        return camera_overlap(truth['line'], found['line'], metric)
     return iou_bev(truth['box'], found['box']) if metric == 'bev' else iou_3d(truth['box'], found['box'])
+
+
+def read_lines(text, scored):
+    """Items of a file of labels or results: type, truncation, occlusion, alpha, 2D box, h w l, x y z, ry, score."""
+    items = []
+    for name, *words in (line.split() for line in text.splitlines()):
+        v = [float(word) for word in words]
+        item = {'type': name, 'truncated': v[0], 'occluded': v[1], 'alpha': v[2], 'bbox': v[3:7], 'line': v[7:14]}
+        items.append(item | ({'score': v[14]} if scored else {}))
+    return items
+
+
+def footprint(line):
+    """Corners of a box on the camera's x-z plane, in the program's order, then counter-clockwise."""
+    _, w, l, x, _, z, ry = line  # noqa: E741
+    corners = []
+    for along, across in ((l / 2, w / 2), (l / 2, -w / 2), (-l / 2, -w / 2), (-l / 2, w / 2)):
+        c, s = math.cos(ry), math.sin(ry)
+        corners.append((x + c * along + s * across, z - s * along + c * across))
+    return corners if area(corners) > 0 else corners[::-1]
+
+
+def camera_overlap(a, b, metric):
+    shared = area(clip(footprint(a), footprint(b)))
+    if metric == 'bev':
+        return shared / (a[1] * a[2] + b[1] * b[2] - shared)
+    shared *= max(0.0, min(a[4], b[4]) - max(a[4] - a[0], b[4] - b[0]))
+    return shared / (a[0] * a[1] * a[2] + b[0] * b[1] * b[2] - shared)
 
 
 def judge_truth(truth, name, difficulty):

@@ -1,10 +1,12 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from reference.kitti_frames import frames, read_frame
 from reference.rooms import make_room
 
 from rm3d_plugin.descriptors import AdaptedPFH
-from rm3d_plugin.oversegmentation import Precomputed, RegionGrowing
+from rm3d_plugin.oversegmentation import GroundPatches, Precomputed, RegionGrowing
 from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions, SceneError
 
@@ -123,3 +125,34 @@ def test_real_street(real_data):
     assert scene.graph.colors.shape == (len(scene.regions), 1)
     pedestrian = scene.regions.labels[(scan.instance == 0) & (scan.over_bottom > 0.25)]
     assert (pedestrian >= 0).mean() > 0.99
+
+
+class Wide:
+    """As many columns as AdaptedPFH has."""
+
+    def compute(self, cloud):
+        return Descriptors(np.ones((len(cloud), 125), dtype=np.float32), np.ones(len(cloud), dtype=bool))
+
+
+def peak_of(points, segmenter):
+    """Bytes that the preparation of a noisy plane takes, without the compiled kernels."""
+    rng = np.random.default_rng(0)
+    cloud = PointCloud(np.c_[rng.uniform(0, np.sqrt(points) / 30, (points, 2)), rng.normal(0, 0.005, points)])
+    tracemalloc.start()
+    scene = prepare_scene(cloud, Wide(), segmenter)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak, scene
+
+
+@pytest.mark.parametrize(
+    'segmenter',
+    [RegionGrowing(), GroundPatches(1.0, {'type': 'RegionGrowing'}, {'max_height': 1e-4})],
+    ids=['grown', 'patches'],
+)
+def test_memory_grows_by_the_descriptors_alone(segmenter):
+    """500 bytes a point are descriptors; a second copy of them would take the sum over 1300."""
+    peak_of(300, segmenter)
+    (less, _), (more, scene) = (peak_of(points, segmenter) for points in (20_000, 40_000))
+    assert (scene.regions.labels >= 0).all()
+    assert (more - less) / 20_000 < 1000

@@ -13,7 +13,7 @@ from rm3d_plugin.storage.ply import write_ply
 NAMES = ('ground', 'tree', 'house')
 
 
-def make_checkpoint(path, classes=NAMES, columns=('rgb',), instances=False, pipeline=(), **dataset):
+def make_checkpoint(path, classes=NAMES, columns=('rgb',), instances=False, pipeline=(), named=None, **dataset):
     """A network with random weights, stored as a run stores it."""
     model = dict(
         type='RM3DSegmentor',
@@ -25,6 +25,8 @@ def make_checkpoint(path, classes=NAMES, columns=('rgb',), instances=False, pipe
     if instances:
         model['instance_head'] = dict(type='PointGroupHead', proposals=dict(radius=0.6, cluster_points=3, min_points=3))
     data = dict(type='FilesDataset', classes=list(classes), pipeline=[*pipeline, dict(type='PackScene')], **dataset)
+    if named is not None:
+        data['columns'] = named
     config = dict(model=model, val_dataloader=dict(dataset=data))
     torch.manual_seed(0)
     with DefaultScope.overwrite_default_scope(SCOPE):

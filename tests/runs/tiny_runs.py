@@ -14,7 +14,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 
@@ -83,11 +83,31 @@ def flat(settings: dict) -> dict:
 
 def run(log: Path, task: Callable[..., None], *args: Any) -> tuple[int, str]:
     """Call a module-level function in a fresh process; its exit status (negative: a signal) and all that it wrote."""
+    return begin(log, task, *args).end()
+
+
+class Started(NamedTuple):
+    """A process that runs, and where it writes."""
+
+    process: Any
+    log: Path
+
+    def end(self, kill_after: float | None = None) -> tuple[int, str]:
+        """Wait for it, or kill it after so many seconds; see :func:`run`."""
+        self.process.join(600 if kill_after is None else kill_after)  # s on a busy machine; a run takes a few alone
+        if kill_after is not None and self.process.exitcode is None:
+            os.kill(self.process.pid, signal.SIGKILL)
+            self.process.join()
+        assert self.process.exitcode is not None, f'{self.log} did not end in 600 s'
+        return self.process.exitcode, self.log.read_text()
+
+
+def begin(log: Path, task: Callable[..., None], *args: Any) -> Started:
+    """Call a module-level function in a fresh process; see :func:`run`."""
+    log.touch()
     process = _CONTEXT.Process(target=_logged, args=(log, task, args))
     process.start()
-    process.join(600)  # seconds on a busy machine; a run takes a few alone
-    assert process.exitcode is not None, f'{task} did not end in 600 s'
-    return process.exitcode, log.read_text()
+    return Started(process, log)
 
 
 def _logged(log: Path, task: Callable[..., None], args: tuple[Any, ...]) -> None:

@@ -271,3 +271,19 @@ def test_las_without_laspy_names_the_extra(tmp_path, monkeypatch):
 
 def test_every_ending_has_a_reader():
     assert tuple(sorted(_readers())) == ENDINGS
+
+
+def test_native_files_of_oakland_are_tables_with_names(tmp_path):
+    path = tmp_path / 'oakland_part2_ac.xyz_label_conf'
+    head = '#Thu Aug  7 2008 \n#File format: x y z label_id confidence \n#  Ground truth => confidence = 2 \n'
+    path.write_text(head + '#  1103 -- utility_pole \n15.41 -28.32 2.06 1302 2\n1 2 3 1103 1\n')
+    columns = read_columns(path)
+    assert list(columns) == ['x', 'y', 'z', 'label_id', 'confidence']
+    scan = read_scan(path, labels=True)
+    assert scan.label.tolist() == [1302, 1103] and scan.cloud.xyz[1].tolist() == [1, 2, 3]
+    bare = tmp_path / 'part3_aj.xyz_label_conf'
+    bare.write_text('15.41 -28.32 2.06 1302 2\n1 2 3 1103 1\n')
+    assert read_scan(bare, labels=True).label.tolist() == [1302, 1103]
+    same = tmp_path / 'same.txt'
+    same.write_bytes(path.read_bytes())
+    assert read_scan(same, labels=True).label.tolist() == [1302, 1103]

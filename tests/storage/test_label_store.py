@@ -145,11 +145,20 @@ def test_damage_is_named(store):
     with pytest.raises(DamagedFileError, match=r'round_000/a\.npz'):
         store.read('a')
     write_npz(path, {'semantic': np.zeros(3), 'format': np.array(2)})
-    with pytest.raises(DamagedFileError, match='scene a, round 0: .* holds no labels'):
+    with pytest.raises(DamagedFileError, match='a.npz: is not labels of scene a, round 0'):
         store.read('a')
-    (store.root / 'current.json').write_text('[]')
-    with pytest.raises(DamagedFileError, match=r'current\.json: expected'):
+
+
+@pytest.mark.parametrize('content', ['[]', '{"round": "0"}', '{"round": 1, "sha256": "0"}', '', '\0\0'])
+def test_a_damaged_current_file_gives_way_to_the_last_complete_round(store, content):
+    store.root.mkdir()
+    (store.root / 'current.json').write_text(content)
+    with pytest.raises(DamagedFileError, match=r'current\.json: '):
         store.current_round()
+    for number in (0, 1):
+        write_round(store, number, 5)
+    with pytest.warns(UserWarning, match=r'current\.json: .*Round 1, the last complete one, is read'):
+        assert store.current_round() == 1
 
 
 def test_files_of_another_format_are_refused(store):

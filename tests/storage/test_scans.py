@@ -161,7 +161,7 @@ def test_bad_files_are_named(tmp_path):
         assert str(tmp_path / name) in str(caught.value)
         return str(caught.value)
 
-    assert "unknown ending '.e57'; expected one of .bin" in message('a.e57', b'')
+    assert "unknown ending '.rcp'; expected one of .bin" in message('a.rcp', b'')
     assert 'no such file' in message('none.npy')
     assert 'no multiple of 16' in message('a.bin', b'12345')
     assert 'holds no points' in message('b.bin', b'')

@@ -1,6 +1,6 @@
 """What stands above and below a point, as further columns of the points."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -33,6 +33,8 @@ class ClearanceFeatures:
     Args:
         cell: Metres; larger: coarser heights, fewer gaps by chance.
     """
+
+    column: ClassVar[str] = 'clearance'
 
     def __init__(self, cell: float = 0.5) -> None:
         if not 0 < cell < np.inf:

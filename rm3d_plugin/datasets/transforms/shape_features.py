@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -43,6 +43,8 @@ class ShapeFeatures:
         cache: Folder where the values of a scene are kept, by the content of its points; None: nowhere.
         recent: Scenes whose values stay in memory. Larger: more memory; data sets of as many scenes are read once.
     """
+
+    column: ClassVar[str] = 'shape'
 
     def __init__(self, neighbors: Sequence[int] = NEIGHBORS, cache: str | Path | None = None, recent: int = 16) -> None:
         if len(neighbors) != 2 or min(neighbors) < 3:

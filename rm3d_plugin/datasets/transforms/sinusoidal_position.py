@@ -1,7 +1,7 @@
 """Where in its scene a point lies, as further columns of the points."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -39,6 +39,8 @@ class SinusoidalPosition:
     Args:
         wavelengths: Two lengths, metres.
     """
+
+    column: ClassVar[str] = 'place'
 
     def __init__(self, wavelengths: Sequence[float] = WAVELENGTHS) -> None:
         if len(wavelengths) != 2 or min(wavelengths) <= 0:

@@ -3,20 +3,19 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
 import torch
 from mmengine.dist import barrier, is_main_process
 from mmengine.hooks import Hook
-from mmengine.runner import Runner
+from mmengine.runner import IterBasedTrainLoop, Runner
 from tqdm import tqdm
 
+from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import forget_checkpoints
 from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
+from rm3d_plugin.engine.scene_prediction import scene_prediction
 from rm3d_plugin.labeling.label_maker import LabelMaker
-from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
-from rm3d_plugin.structures import Boxes3D
 
 
 @HOOKS.register_module()
@@ -26,7 +25,7 @@ class RegionMergeHook(Hook):
     How they are made is the label maker's business. The hook works in any mmengine project whose model has
     ``set_label_statistics(statistics)`` (:class:`~rm3d_plugin.structures.LabelStatistics`; it may do nothing) and, in
     mode ``predict``, returns data samples with ``pred_point_probs`` (n, classes) and optionally ``pred_point_centers``
-    (n, 3) and ``point_index`` (n,).
+    (n, 3) and ``point_index`` (n,). Training runs by epochs.
 
     Args:
         interval: sigma, epochs between two refreshes.
@@ -65,7 +64,12 @@ class RegionMergeHook(Hook):
         self.label_maker: LabelMaker = TASK_UTILS.build(label_maker) if isinstance(label_maker, dict) else label_maker
 
     def before_train(self, runner: Runner) -> None:
-        """Prepare the geometry, make the first labels, and tell the model what the annotated labels say as a whole."""
+        """Prepare the geometry, make the first labels, and tell the model what the annotated labels say as a whole.
+
+        Raises:
+            ConfigError: Training does not run by epochs, or the model cannot be told.
+        """
+        _check_project(runner)
         watch = Stopwatch()
         self.times = RoundTimes(runner.work_dir, runner.epoch)
         if isinstance(self.dataloader, Mapping) and self.dataloader['sampler']['type'] == 'DefaultSampler':
@@ -160,36 +164,22 @@ class RegionMergeHook(Hook):
             with torch.no_grad():
                 samples = model.test_step(batch)
             self._predicting = self._predicting.plus(watch.read())
-            yield from ((sample.scene_id, point_prediction(sample)) for sample in samples)
+            yield from map(scene_prediction, samples)
 
 
-def point_prediction(sample: Any) -> PointPrediction:
-    """Per-point output of one sample, scattered to all points of the scene (NaN where the network saw none).
-
-    Raises:
-        ValueError: The sample lacks ``pred_point_probs``.
-    """
-    if 'pred_point_probs' not in sample:
-        raise ValueError(
-            f'RegionMergeHook: the prediction of scene {sample.scene_id} has no `pred_point_probs`; '
-            'the model must give class probabilities of every point in mode "predict"'
+def _check_project(runner: Runner) -> None:
+    """Whether the hook can work in this run."""
+    if isinstance(runner.train_loop, IterBasedTrainLoop):
+        raise ConfigError(
+            'RegionMergeHook: labels are made anew every so many epochs, but training runs by iterations; set '
+            'train_cfg=dict(by_epoch=True, max_epochs=...)'
         )
-    probs = sample.pred_point_probs.float().cpu().numpy()
-    index = sample.point_index.cpu().numpy() if 'point_index' in sample else np.arange(len(probs))
-    total = int(sample.get('num_points', len(probs)))
-
-    probabilities = scatter_rows(probs, index, total, fill=np.nan)
-    if 'pred_point_centers' not in sample:
-        return PointPrediction(probabilities, None, _boxes(sample))
-    centers = sample.pred_point_centers.float().cpu().numpy()
-    return PointPrediction(probabilities, scatter_rows(centers, index, total, fill=np.nan), _boxes(sample))
-
-
-def _boxes(sample: Any) -> Boxes3D | None:
-    if 'pred_bboxes_3d' not in sample:
-        return None
-    fields = (sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d)
-    return Boxes3D(*(field.cpu().numpy() for field in fields))
+    model = _unwrapped(runner.model)
+    if not hasattr(model, 'set_label_statistics'):
+        raise ConfigError(
+            f'RegionMergeHook: {type(model).__name__} has no set_label_statistics(statistics), which is told once what '
+            'the annotated labels say as a whole; add it to the model (it may do nothing)'
+        )
 
 
 def _unwrapped(model: Any) -> Any:

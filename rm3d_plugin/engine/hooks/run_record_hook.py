@@ -1,6 +1,6 @@
 """Keeps ``metrics.json`` of the work directory: losses, scores of each validation, estimates of the labels."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,40 @@ from mmengine.runner import Runner
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.evaluation.records import ScoreRecord, records_from, records_of, rows_of
 from rm3d_plugin.registry import HOOKS
-from rm3d_plugin.storage import read_json, write_json
-from rm3d_plugin.structures.label_estimate import ESTIMATE, has_estimate
+from rm3d_plugin.storage import content_of, read_sealed, write_sealed
+from rm3d_plugin.structures.label_estimate import ESTIMATE, LabelEstimate, has_estimate
 
 
 def read_record(work_dir: str | Path) -> dict[str, Any]:
-    """The run's ``metrics.json``, or an empty record."""
+    """The run's ``metrics.json``, or an empty record; a damaged one gives way to that before it, with a warning.
+
+    Raises:
+        DamagedFileError: It is no such record.
+    """
     path = Path(work_dir) / 'metrics.json'
-    return {**_empty(), **(read_json(path) if path.is_file() else {})}
+    if not path.is_file():
+        return _empty()
+    with content_of(path, 'the record of a run'):
+        record = {**_empty(), **read_sealed(path)}
+        _check(record)
+        return record
+
+
+def _check(record: Mapping[str, Any]) -> None:
+    """Take a record apart as its readers do; raises where one of them would."""
+    for part in ('losses', 'validation'):
+        for epoch, values in record[part].items():
+            _numbers([int(epoch), *values.values()])
+    _numbers(record['final'].values())
+    for records in score_records(record).values():
+        _numbers([row.value for row in records])
+    for number, fields in record['estimates'].items():
+        _numbers([int(number), *(() if fields is None else LabelEstimate(**fields))])
+
+
+def _numbers(values: Iterable[Any]) -> None:
+    if wrong := [value for value in values if not isinstance(value, int | float | None)]:
+        raise TypeError(f'expected numbers, got {wrong[0]!r}')
 
 
 def _empty() -> dict[str, Any]:
@@ -102,7 +128,7 @@ class RunRecordHook(Hook):
     def _write(self, runner: Runner) -> None:
         if is_main_process():
             self.record['estimates'] = _estimates(runner)
-            write_json(Path(runner.work_dir) / 'metrics.json', self.record)
+            write_sealed(Path(runner.work_dir) / 'metrics.json', self.record, keep_previous=True)
 
 
 def _estimates(runner: Runner) -> dict[str, Any]:

@@ -79,6 +79,10 @@ class SafeCheckpointHook(Hook):
             for name in [name for name, value in state.items() if callable(value)]:
                 del state[name]
 
+    def after_load_checkpoint(self, runner: Runner, checkpoint: dict[str, Any]) -> None:
+        """Leave out a config as Python text, which mmengine would run on resuming; we write none."""
+        checkpoint.get('meta', {}).pop('config', None)
+
     def before_run(self, runner: Runner) -> None:
         """Remove parts of checkpoints that a killed run left."""
         remove_unfinished(runner.work_dir, '*.pth')

@@ -26,6 +26,12 @@ from rm3d_plugin.evaluation.functional.kitti_ap import (
     kitti_ap,
 )
 from rm3d_plugin.evaluation.functional.offset_error import OffsetError, instance_centres, offset_error
+from rm3d_plugin.evaluation.functional.panoptic_quality import (
+    PanopticCounts,
+    PanopticScores,
+    panoptic_counts,
+    panoptic_scores,
+)
 from rm3d_plugin.evaluation.functional.pseudo_label_counts import (
     BoxMatch,
     PseudoLabelCounts,
@@ -57,6 +63,8 @@ __all__ = [
     'KittiDetections',
     'KittiTruth',
     'OffsetError',
+    'PanopticCounts',
+    'PanopticScores',
     'PseudoLabelCounts',
     'PseudoLabelScores',
     'SceneTruth',
@@ -72,6 +80,8 @@ __all__ = [
     'instance_precision_recall',
     'kitti_ap',
     'offset_error',
+    'panoptic_counts',
+    'panoptic_scores',
     'pseudo_label_scores',
     'scores_of',
     'semantic_iou',

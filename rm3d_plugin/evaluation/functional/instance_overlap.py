@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Integer
+
+from rm3d_plugin.ops.segment import number_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +51,10 @@ class InstanceOverlap:
 
 
 def instance_overlap(
-    semantic: Int[np.ndarray, ' points'],
-    instance: Int[np.ndarray, ' points'],
+    semantic: Integer[np.ndarray, ' points'],
+    instance: Integer[np.ndarray, ' points'],
     masks: Bool[np.ndarray, 'found points'],
-    labels: Int[np.ndarray, ' found'],
+    labels: Integer[np.ndarray, ' found'],
     scores: Float[np.ndarray, ' found'],
     classes: Sequence[int],
 ) -> InstanceOverlap:
@@ -82,14 +84,14 @@ def instance_overlap(
     wanted = np.isin(labels, np.asarray(classes, dtype=np.int64))
     masks, labels, scores = masks[wanted].astype(bool), labels[wanted], scores[wanted]
     on_truth = np.isin(semantic, np.asarray(classes, dtype=np.int64)) & (instance >= 0)
-    pairs, number = np.unique(np.stack([semantic, instance], axis=1)[on_truth], axis=0, return_inverse=True)
-    number, truths = number.reshape(-1), len(pairs)
+    number, first = number_pairs(semantic[on_truth], instance[on_truth])
+    truths = len(first)
     shared = np.zeros((len(masks), truths), dtype=np.int64)
     for row, mask in enumerate(masks):
         shared[row] = np.bincount(number[mask[on_truth]], minlength=truths)
     unknown = (semantic < 0) | (semantic == 255)
     return InstanceOverlap(
-        truth_labels=pairs[:, 0].astype(np.int64),
+        truth_labels=semantic[on_truth][first].astype(np.int64),
         truth_sizes=np.bincount(number, minlength=truths),
         labels=labels.astype(np.int64),
         scores=scores.astype(np.float64),

@@ -2,8 +2,8 @@
 
 Settled on purpose: a found instance hits a true one of its class at an overlap *above* .5, and a true instance is hit
 once, so duplicates cost precision. ``asis_compat`` repeats the published script of ASIS: from .5 on, and several found
-instances may hit the same true one, which raises both numbers. Found instances that lie on points of unknown class are
-measured without those points.
+instances may hit the same true one, which raises both numbers; recall ends at 1, which the script passes. Found
+instances that lie on points of unknown class are measured without those points.
 """
 
 from collections.abc import Sequence
@@ -95,7 +95,7 @@ def _of_class(scenes: Sequence[InstanceOverlap], label: int, overlap: float, com
         return (np.nan, np.nan, np.nan, np.nan, 0, found)
     return (
         hits / found if found else 0.0,
-        hits / truths,
+        min(hits / truths, 1.0),
         float(np.mean(coverage)),
         float(np.mean(weighted)),
         truths,

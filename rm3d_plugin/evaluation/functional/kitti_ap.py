@@ -70,6 +70,7 @@ class ApEntry(NamedTuple):
         r11: Mean precision in percent over recall 0, 0.1 ... 1; NaN where there is no truth.
         num_truth: Truths that count (the rest is ignored).
         precision: (41,) precision in [0, 1] at recall 0, 1/40 ... 1, made monotone.
+        interpolated: Whether the curve was interpolated, not sampled as the official program does.
     """
 
     class_name: str
@@ -80,6 +81,7 @@ class ApEntry(NamedTuple):
     r11: float
     num_truth: int
     precision: Float[np.ndarray, '41']
+    interpolated: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,9 +102,13 @@ class KittiAp:
         raise KeyError(f'no cell {class_name}/{metric}/{difficulty} in this table')
 
     def mean(self, metric: Metric, difficulty: Difficulty, recall: Literal['r40', 'r11'] = 'r40') -> float:
-        """Mean over the classes that have truth, percent; 0 where none has."""
-        cells = [e for e in self.entries if e.metric == metric and e.difficulty == difficulty and e.num_truth > 0]
-        return float(np.mean([getattr(e, recall) for e in cells])) if cells else 0.0
+        """Mean over the classes that have truth, percent; NaN where none has."""
+        cells = self.counted(metric, difficulty)
+        return float(np.mean([getattr(e, recall) for e in cells])) if cells else np.nan
+
+    def counted(self, metric: Metric, difficulty: Difficulty) -> list[ApEntry]:
+        """Cells of the classes that have truth."""
+        return [e for e in self.entries if e.metric == metric and e.difficulty == difficulty and e.num_truth > 0]
 
 
 def recall_thresholds(hits: Float[np.ndarray, ' hits'], num_truth: int) -> Float[np.ndarray, ' thresholds']:
@@ -135,7 +141,7 @@ def kitti_ap(
     classes: Sequence[str] = ('Car', 'Pedestrian', 'Cyclist'),
     iou_thresholds: Mapping[str, float] = OFFICIAL_IOU,
     metrics: Sequence[Metric] = METRICS,
-    sampling: Sampling = 'auto',
+    sampling: Sampling = 'official',
 ) -> KittiAp:
     """Average precision of each class, metric and difficulty.
 
@@ -202,4 +208,4 @@ def _cell(
             precision[k] = value[recall >= k / (POSITIONS - 1) - 1e-9].max(initial=0.0)
     precision = np.maximum.accumulate(precision[::-1])[::-1]
     r40, r11 = 100 * float(precision[1:].mean()), 100 * float(precision[::4].mean())
-    return ApEntry(name, metric, difficulty, iou, r40, r11, count, precision)
+    return ApEntry(name, metric, difficulty, iou, r40, r11, count, precision, not official)

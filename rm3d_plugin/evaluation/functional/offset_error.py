@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Integer
+
+from rm3d_plugin.ops.segment import number_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,9 @@ class OffsetError:
 
 
 def instance_centres(
-    xyz: Float[np.ndarray, 'points 3'], semantic: Int[np.ndarray, ' points'], instance: Int[np.ndarray, ' points']
+    xyz: Float[np.ndarray, 'points 3'],
+    semantic: Integer[np.ndarray, ' points'],
+    instance: Integer[np.ndarray, ' points'],
 ) -> Float[np.ndarray, 'points 3']:
     """Centroid of the instance of each point, metres; NaN for points of none.
 
@@ -39,10 +43,9 @@ def instance_centres(
     """
     out = np.full((len(xyz), 3), np.nan)
     own = (instance >= 0) & (semantic >= 0)
-    pairs, number = np.unique(np.stack([semantic, instance], axis=1)[own], axis=0, return_inverse=True)
-    number = number.reshape(-1)
-    size = np.maximum(np.bincount(number, minlength=len(pairs)), 1)
-    sums = [np.bincount(number, weights=axis, minlength=len(pairs)) for axis in xyz[own].T.astype(np.float64)]
+    number, first = number_pairs(semantic[own], instance[own])
+    size = np.bincount(number, minlength=len(first))
+    sums = [np.bincount(number, weights=axis, minlength=len(first)) for axis in xyz[own].T.astype(np.float64)]
     out[own] = (np.stack(sums, axis=1) / size[:, None])[number]
     return out
 

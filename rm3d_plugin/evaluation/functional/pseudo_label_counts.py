@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Integer
 
 from rm3d_plugin.evaluation.functional.offset_error import OffsetError, instance_centres, offset_error
 from rm3d_plugin.evaluation.functional.semantic_iou import IGNORED
@@ -28,8 +28,8 @@ class SceneTruth:
         ranges: (N,) metres to the sensor; None puts all points into the first bin.
     """
 
-    semantic: Int[np.ndarray, ' points']
-    instance: Int[np.ndarray, ' points'] | None = None
+    semantic: Integer[np.ndarray, ' points']
+    instance: Integer[np.ndarray, ' points'] | None = None
     xyz: Float[np.ndarray, 'points 3'] | None = None
     boxes: Boxes3D | None = None
     ranges: Float[np.ndarray, ' points'] | None = None
@@ -281,7 +281,7 @@ def count_pseudo_labels(
     )
 
 
-def without_ignored(semantic: Int[np.ndarray, ' points'], num_classes: int) -> Int[np.ndarray, ' points']:
+def without_ignored(semantic: Integer[np.ndarray, ' points'], num_classes: int) -> Int[np.ndarray, ' points']:
     """True classes, -1 for the values that stand for "not known" and are no class."""
     ignored = [value for value in IGNORED if not 0 <= value < num_classes]
     return np.where(np.isin(semantic, ignored), UNLABELLED, np.asarray(semantic).astype(np.int64))

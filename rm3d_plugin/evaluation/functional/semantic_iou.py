@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Integer
 
 IGNORED = (-1, 255)
 Absent = Literal['skip', 'zero']
@@ -45,8 +45,8 @@ class SemanticScores:
 
 
 def confusion_counts(
-    prediction: Int[np.ndarray, ' points'],
-    truth: Int[np.ndarray, ' points'],
+    prediction: Integer[np.ndarray, ' points'],
+    truth: Integer[np.ndarray, ' points'],
     num_classes: int,
     ignored: Sequence[int] = IGNORED,
 ) -> Int[np.ndarray, 'classes columns']:
@@ -127,8 +127,8 @@ def semantic_scores(
 
 
 def semantic_iou(
-    predictions: Iterable[Int[np.ndarray, ' _points']],
-    truths: Iterable[Int[np.ndarray, ' _points']],
+    predictions: Iterable[Integer[np.ndarray, ' _points']],
+    truths: Iterable[Integer[np.ndarray, ' _points']],
     num_classes: int,
     ignored: Sequence[int] = IGNORED,
     absent: Absent = 'skip',

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from rm3d_plugin.baselines import LABELLED_ONLY
 from rm3d_plugin.engine.config import ConfigError, load_config
-from rm3d_plugin.engine.run import config_errors
+from rm3d_plugin.engine.config_errors import config_errors
 from rm3d_plugin.evaluation.functional.semantic_iou import confusion_counts, semantic_scores
 from rm3d_plugin.experiments.benchmarks.propagate_clicks import plain_walker, walked
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure

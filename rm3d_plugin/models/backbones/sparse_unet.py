@@ -7,10 +7,12 @@ from typing import Literal, cast
 
 import torch
 from jaxtyping import Float, Int64
+from mmengine.model import BaseModule
 from torch import Tensor, nn
 from torch.utils.checkpoint import checkpoint
 
 from rm3d_plugin.models.backbones.layers import InverseConv, NormReLU, ResidualBlock, SparseConv, SparseFeatures
+from rm3d_plugin.models.init_config import InitConfig
 from rm3d_plugin.ops._backends import Backend, check_backend
 from rm3d_plugin.ops.level_cache import LevelCache
 from rm3d_plugin.ops.voxelize import gather_rows, voxelize
@@ -24,7 +26,7 @@ PRESETS: dict[str, tuple[int, ...]] = {
 
 
 @MODELS.register_module()
-class SparseUNet(nn.Module):
+class SparseUNet(BaseModule):
     """U-Net over the voxels of a batch.
 
     ::
@@ -45,6 +47,7 @@ class SparseUNet(nn.Module):
         checkpointing: Recompute the blocks in backward: less memory, about a third more time.
         backend: Whose convolutions: ``'ours'``, or ``'spconv'`` where it is installed.
         map_cache: Megabytes of kernel maps that are kept for batches that come again; 0 keeps none.
+        init_cfg: As in mmengine.
 
     Attributes:
         out_channels: Columns of the output, the width of the finest level.
@@ -63,8 +66,9 @@ class SparseUNet(nn.Module):
         checkpointing: bool = False,
         backend: Backend = 'ours',
         map_cache: int = 256,
+        init_cfg: InitConfig = None,
     ) -> None:
-        super().__init__()
+        super().__init__(init_cfg)
         check_backend(backend)
         if preset is not None and preset not in PRESETS:
             raise ValueError(f'preset must be one of {sorted(PRESETS)} or None, got {preset!r}')

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any, final
 
 import torch
+from mmengine.structures import BaseDataElement
 from torch import Tensor, nn
 
 from rm3d_plugin.models.batch import Batch
@@ -15,7 +16,7 @@ from rm3d_plugin.models.outputs import DetectorOutput
 from rm3d_plugin.models.point_model import LossConfigs, PointModel
 from rm3d_plugin.ops.grouping import gather_groups
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import LabelStatistics, SceneSample
+from rm3d_plugin.structures import LabelStatistics
 
 
 def detection_losses(num_classes: int) -> LossConfigs:
@@ -106,12 +107,12 @@ class RM3DVoteNet(PointModel):
         foreground = 1.0 - logits.detach().softmax(dim=1)[:, -1]
         return DetectorOutput(features, logits, self.vote_head(batch.xyz, features, foreground, batch.batch_offsets))
 
-    def labels(self, samples: Sequence[SceneSample], batch: Batch, outputs: DetectorOutput) -> BatchLabels:
+    def labels(self, samples: Sequence[BaseDataElement], batch: Batch, outputs: DetectorOutput) -> BatchLabels:
         """Boxes and point labels, and which box each proposal should say."""
-        labels = join_labels(samples, batch.batch_offsets)
+        labels = join_labels(samples, batch.batch_offsets, batch.xyz, self.num_classes)
         return labels._replace(targets=self.vote_head.targets(outputs.votes, labels))
 
-    def predict(self, batch: Batch, samples: list[SceneSample]) -> None:
+    def predict(self, batch: Batch, samples: list[BaseDataElement]) -> None:
         """Boxes; with ``predict_points`` also class probabilities and votes of all points."""
         output = self.network(batch)
         probs = output.logits.softmax(dim=1)
@@ -123,7 +124,7 @@ class RM3DVoteNet(PointModel):
                 sample.pred_point_probs = probs[rows].cpu()
                 sample.pred_point_centers = (batch.xyz[rows] + output.votes.offsets[rows]).cpu()
 
-    def _fill_boxes(self, sample: SceneSample, votes: VoteOutput, probs: Tensor, rows: slice) -> None:
+    def _fill_boxes(self, sample: BaseDataElement, votes: VoteOutput, probs: Tensor, rows: slice) -> None:
         prediction = type(votes.prediction)(*(column[rows] for column in votes.prediction))
         members, group_probs = votes.members[rows], None
         if self.score_by_points:

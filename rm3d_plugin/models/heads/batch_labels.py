@@ -1,6 +1,6 @@
 """The labels of a batch, rows joined as the points are."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -8,7 +8,9 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from rm3d_plugin.models.heads.box_coder import BoxCode
-from rm3d_plugin.structures import SceneError, SceneSample
+from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.structures import SceneError, is_nested, sample_fields
+from rm3d_plugin.structures.sample_fields import need_known_field
 
 
 class ProposalTargets(NamedTuple):
@@ -52,30 +54,62 @@ class BatchLabels(NamedTuple):
     targets: ProposalTargets | None = None
 
 
-def _field(sample: SceneSample, name: str, rows: int, fill: int, like: Tensor) -> Tensor:
+def _field(sample: Mapping[str, Any], name: str, rows: int, fill: int, like: Tensor) -> Tensor:
     """A field of a sample as a tensor; ``fill`` in every row where it is absent."""
     if name not in sample:
         return torch.full((rows,), fill, device=like.device).to(like.dtype)
-    value = torch.as_tensor(sample.get(name), device=like.device).to(like.dtype)
+    value = torch.as_tensor(sample[name], device=like.device).to(like.dtype)
     if len(value) != rows:
         raise SceneError(f'{sample.get("scene_id")}: {name}: expected {rows} rows, got {len(value)}')
     return value
 
 
-def join_labels(samples: Sequence[Any], batch_offsets: Int[Tensor, ' scenes_and_one']) -> BatchLabels:
+def _by_scene(samples: Sequence[Any], xyz: Tensor, batch_offsets: Tensor) -> Iterator[tuple[Any, Tensor]]:
+    yield from zip(samples, xyz.split(batch_offsets.diff().tolist()), strict=True)
+
+
+def _with_masks(sample: Any, xyz: Float[Tensor, 'points 3'], num_classes: int) -> dict[str, Any]:
+    """Fields of a sample; one of mmdetection3d gets masks from its boxes."""
+    fields = sample_fields(sample)
+    if not is_nested(sample) or 'gt_bboxes_3d' not in fields:
+        return fields
+    boxes, classes = fields['gt_bboxes_3d'], torch.as_tensor(fields['gt_labels_3d'])
+    owner = torch.from_numpy(points_in_boxes(xyz.double().cpu().numpy(), boxes.double().cpu().numpy()))
+    semantic = torch.full_like(owner, num_classes)
+    semantic[owner >= 0] = classes.cpu()[owner[owner >= 0]]
+    return fields | {'pts_instance_mask': owner, 'pts_semantic_mask': semantic}
+
+
+def join_labels(
+    samples: Sequence[Any],
+    batch_offsets: Int[Tensor, ' scenes_and_one'],
+    xyz: Float[Tensor, 'points 3'],
+    num_classes: int,
+) -> BatchLabels:
     """Join the labels of the samples of a batch.
 
-    Points without a mask are unknown; boxes without ``gt_is_annotated`` are true.
+    Points without a mask are unknown; boxes without ``gt_is_annotated`` are true. In samples of mmdetection3d, which
+    hold every box of their scene and masks that are not about them, the points in a box are its points and all others
+    background.
+
+    Args:
+        samples: One a scene; see :func:`~rm3d_plugin.structures.sample_fields`.
+        batch_offsets: Rows of the scenes.
+        xyz: Metres.
+        num_classes: Box classes.
 
     Raises:
-        SceneError: A field has another number of rows than the scene has points or boxes.
+        SceneError: No sample has boxes or classes of points, or a field has another number of rows than the scene has
+            points or boxes.
     """
+    each = [_with_masks(sample, points, num_classes) for sample, points in _by_scene(samples, xyz, batch_offsets)]
+    need_known_field(each, ('gt_bboxes_3d', 'pts_semantic_mask', 'pts_instance_mask'), 'detection')
     device = batch_offsets.device
     real, whole = torch.zeros(0, device=device), torch.zeros(0, dtype=torch.int64, device=device)
     flag = torch.zeros(0, dtype=torch.bool, device=device)
     parts: list[tuple[Tensor, ...]] = []
     first = 0
-    for sample, rows in zip(samples, batch_offsets.diff().tolist(), strict=True):
+    for sample, rows in zip(each, batch_offsets.diff().tolist(), strict=True):
         given = sample.get('gt_bboxes_3d', real)
         boxes = torch.as_tensor(given, device=device).to(torch.float32).reshape(-1, 7)
         classes = _field(sample, 'gt_labels_3d', len(boxes), 0, whole)

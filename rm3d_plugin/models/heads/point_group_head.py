@@ -5,15 +5,17 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from mmengine.model import BaseModule
 from torch import Tensor, nn
 
 from rm3d_plugin.models.backbones.layers import NormReLU
 from rm3d_plugin.models.heads.proposals import Instances, ProposalRules, find_instances
+from rm3d_plugin.models.init_config import InitConfig
 from rm3d_plugin.registry import MODELS
 
 
 @MODELS.register_module()
-class PointGroupHead(nn.Module):
+class PointGroupHead(BaseModule):
     """Offset branch and instance proposals.
 
     ::
@@ -25,6 +27,7 @@ class PointGroupHead(nn.Module):
         bn_eps: As in the backbone.
         bn_momentum: As in the backbone.
         proposals: Fields of :class:`ProposalRules`.
+        init_cfg: As in mmengine.
     """
 
     def __init__(
@@ -33,8 +36,9 @@ class PointGroupHead(nn.Module):
         bn_eps: float = 1e-4,
         bn_momentum: float = 0.1,
         proposals: dict[str, Any] | None = None,
+        init_cfg: InitConfig = None,
     ) -> None:
-        super().__init__()
+        super().__init__(init_cfg)
         self.first = nn.Linear(in_channels, in_channels)
         self.norm = NormReLU(in_channels, bn_eps, bn_momentum)
         self.last = nn.Linear(in_channels, 3)

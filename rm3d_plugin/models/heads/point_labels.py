@@ -1,13 +1,14 @@
 """The point labels of a batch of segmentation scenes, rows joined as the points are."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures import UNLABELLED, SceneError, is_nested, sample_fields
+from rm3d_plugin.structures.sample_fields import need_known_field
 
 
 class PointLabels(NamedTuple):
@@ -30,11 +31,11 @@ class PointLabels(NamedTuple):
     confidence: Float[Tensor, ' points'] | None = None
 
 
-def _mask(sample: Any, name: str, rows: int, fill: int | float, device: torch.device) -> Tensor:
+def _mask(sample: Mapping[str, Any], name: str, rows: int, fill: int | float, device: torch.device) -> Tensor:
     kind = torch.float32 if isinstance(fill, float) else torch.int64
     if name not in sample:
         return torch.full((rows,), fill, dtype=kind, device=device)
-    value = torch.as_tensor(sample.get(name), dtype=kind, device=device)
+    value = torch.as_tensor(sample[name], dtype=kind, device=device)
     if value.shape != (rows,):
         raise SceneError(
             f'{sample.get("scene_id")}: {name}: expected {rows} values, one a point, got shape {tuple(value.shape)}'
@@ -42,33 +43,59 @@ def _mask(sample: Any, name: str, rows: int, fill: int | float, device: torch.de
     return value
 
 
+def _classes(
+    sample: Mapping[str, Any], rows: int, num_classes: int, ignore_index: int | None, device: torch.device
+) -> Int[Tensor, ' points']:
+    """Class of each point of a scene, -1 = unlabelled."""
+    classes = _mask(sample, 'pts_semantic_mask', rows, UNLABELLED, device).clamp_min(UNLABELLED)
+    if ignore_index is not None:
+        classes = classes.masked_fill(classes == ignore_index, UNLABELLED)
+    if rows and int(classes.max()) >= num_classes:
+        raise SceneError(
+            f'{sample.get("scene_id")}: pts_semantic_mask: expected -1..{num_classes - 1}, got class '
+            f'{int(classes.max())}; num_classes of the model and classes of the data set must agree. Where that number '
+            'means unlabelled, as in mmdetection3d, give the model ignore_index'
+        )
+    return classes
+
+
 def join_point_labels(
-    samples: Sequence[Any], batch_offsets: Int[Tensor, ' scenes_and_one'], num_classes: int
+    samples: Sequence[Any],
+    batch_offsets: Int[Tensor, ' scenes_and_one'],
+    num_classes: int,
+    ignore_index: int | None = None,
 ) -> PointLabels:
     """Join the labels of the samples of a batch.
 
     Points without a mask are unlabelled; labelled points without ``pts_is_annotated`` count as annotated, and those
-    without ``pts_confidence`` as sure. Instance numbers of a scene may have gaps.
+    without ``pts_confidence`` as sure. Instance numbers of a scene may have gaps. In samples of mmdetection3d, where
+    points of no class have an instance number all the same, they are of no instance.
+
+    Args:
+        samples: One a scene; see :func:`~rm3d_plugin.structures.sample_fields`.
+        batch_offsets: Rows of the scenes.
+        num_classes: C.
+        ignore_index: A further value that means unlabelled; -1 and below always do.
 
     Raises:
-        SceneError: A mask has another number of rows than the scene has points, or names a class that is not there.
+        SceneError: No sample has classes, or a mask has another number of rows than the scene has points, or names a
+            class that is not there.
     """
+    each = [sample_fields(sample) for sample in samples]
+    need_known_field(each, ('pts_semantic_mask',), 'segmentation')
     device = batch_offsets.device
     semantic, instance, is_annotated, confidence, scenes = [], [], [], [], []
     count = 0
-    for scene, (sample, rows) in enumerate(zip(samples, batch_offsets.diff().tolist(), strict=True)):
-        classes = _mask(sample, 'pts_semantic_mask', rows, -1, device)
-        if rows and int(classes.max()) >= num_classes:
-            raise SceneError(
-                f'{sample.get("scene_id")}: pts_semantic_mask: expected -1..{num_classes - 1}, got class '
-                f'{int(classes.max())}; num_classes of the model and classes of the data set must agree'
-            )
+    for scene, (sample, rows) in enumerate(zip(each, batch_offsets.diff().tolist(), strict=True)):
+        classes = _classes(sample, rows, num_classes, ignore_index, device)
         own = _mask(sample, 'pts_instance_mask', rows, -1, device)
+        if is_nested(sample):
+            own = own.masked_fill(classes < 0, UNLABELLED)
         numbers, inverse = torch.unique(own[own >= 0], return_inverse=True)
         joined = torch.full_like(own, -1)
         joined[own >= 0] = inverse + count
         count += len(numbers)
-        semantic.append(classes.clamp_min(-1))
+        semantic.append(classes)
         instance.append(joined)
         is_annotated.append((_mask(sample, 'pts_is_annotated', rows, 1, device) > 0) & (classes >= 0))
         confidence.append(_mask(sample, 'pts_confidence', rows, 1.0, device))

@@ -4,9 +4,11 @@ from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int
+from mmengine.model import BaseModule
 from torch import Tensor, nn
 
 from rm3d_plugin.models.heads.batch_labels import BatchLabels
+from rm3d_plugin.models.init_config import InitConfig
 from rm3d_plugin.ops.grouping import batch_index
 from rm3d_plugin.registry import MODELS
 
@@ -30,7 +32,7 @@ def max_by_owner(
 
 
 @MODELS.register_module()
-class SceneClassHead(nn.Module):
+class SceneClassHead(BaseModule):
     """Presence of each class in a scene.
 
     Max pooling of P_out over each truly labelled object gives P_det; a 1x1 convolution and max pooling over the objects
@@ -40,10 +42,11 @@ class SceneClassHead(nn.Module):
     Args:
         num_classes: Box classes; P_out has one more, the background.
         loss: Config of the loss; ``SceneClassLoss`` by default.
+        init_cfg: As in mmengine.
     """
 
-    def __init__(self, num_classes: int, loss: dict[str, Any] | None = None) -> None:
-        super().__init__()
+    def __init__(self, num_classes: int, loss: dict[str, Any] | None = None, init_cfg: InitConfig = None) -> None:
+        super().__init__(init_cfg)
         self.num_classes = num_classes
         self.mix = nn.Linear(num_classes + 1, num_classes)  # a 1x1 convolution over rows of objects
         self.loss_fn = MODELS.build(loss or {'type': 'SceneClassLoss'})

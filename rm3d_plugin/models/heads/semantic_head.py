@@ -4,19 +4,22 @@ from collections.abc import Sequence
 
 import torch
 from jaxtyping import Float, Num
+from mmengine.model import BaseModule
 from torch import Tensor, nn
 
+from rm3d_plugin.models.init_config import InitConfig
 from rm3d_plugin.registry import MODELS
 
 
 @MODELS.register_module()
-class SemanticHead(nn.Module):
+class SemanticHead(BaseModule):
     """A linear layer on the features of points.
 
     Args:
         in_channels: Columns of the features.
         num_classes: C.
         class_counts: Annotated labels of each class, where they are known beforehand.
+        init_cfg: As in mmengine.
 
     Attributes:
         class_counts: (C,) the same as a tensor, in the checkpoint; zeros until somebody told.
@@ -24,8 +27,10 @@ class SemanticHead(nn.Module):
 
     class_counts: Tensor
 
-    def __init__(self, in_channels: int, num_classes: int, class_counts: Sequence[int] | None = None) -> None:
-        super().__init__()
+    def __init__(
+        self, in_channels: int, num_classes: int, class_counts: Sequence[int] | None = None, init_cfg: InitConfig = None
+    ) -> None:
+        super().__init__(init_cfg)
         self.num_classes = num_classes
         self.linear = nn.Linear(in_channels, num_classes)
         self.register_buffer('class_counts', torch.zeros(num_classes))

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
+from mmengine.model import BaseModule
 from torch import Tensor, nn
 
 from rm3d_plugin.models.heads.batch_labels import BatchLabels, ProposalTargets
@@ -12,6 +13,7 @@ from rm3d_plugin.models.heads.box_coder import BoxPrediction, prediction_width, 
 from rm3d_plugin.models.heads.group_shape import SHAPE_CHANNELS, group_shape, membership
 from rm3d_plugin.models.heads.seeds import choose_seeds
 from rm3d_plugin.models.heads.vote_targets import box_distances, known_share, proposal_targets
+from rm3d_plugin.models.init_config import InitConfig
 from rm3d_plugin.ops.grouping import ball_query, gather_groups, group_max
 from rm3d_plugin.ops.sampling import furthest_point_sample_batch
 from rm3d_plugin.registry import MODELS
@@ -55,7 +57,7 @@ def _by_class(value: float | Sequence[float], num_classes: int, name: str) -> Te
 
 
 @MODELS.register_module()
-class VoteHead(nn.Module):
+class VoteHead(BaseModule):
     """Votes and proposals.
 
     ::
@@ -83,6 +85,7 @@ class VoteHead(nn.Module):
             doubtful points.
         unlabelled_weight: See :func:`known_share`.
         mean_shifts: Steps that move a proposal to the mean of the votes around it; 0 = VoteNet's proposals.
+        init_cfg: As in mmengine.
     """
 
     mean_sizes: Tensor
@@ -105,8 +108,9 @@ class VoteHead(nn.Module):
         seed_threshold: float = 0.2,
         unlabelled_weight: float = 0.0,
         mean_shifts: int = 1,
+        init_cfg: InitConfig = None,
     ) -> None:
-        super().__init__()
+        super().__init__(init_cfg)
         self.num_classes, self.heading_bins = num_classes, heading_bins
         self.num_seeds, self.num_proposals = num_seeds, num_proposals
         self.radius, self.samples = radius, samples

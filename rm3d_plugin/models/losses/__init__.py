@@ -12,6 +12,7 @@ from rm3d_plugin.models.losses.loss_term import LossTerm
 from rm3d_plugin.models.losses.offset_loss import OffsetLoss, offset_loss
 from rm3d_plugin.models.losses.point_cross_entropy import PointCrossEntropyLoss, class_weights, point_cross_entropy
 from rm3d_plugin.models.losses.proposal_dice import ProposalDice
+from rm3d_plugin.models.losses.reduction import ReducedLoss, Reduction, reduce_loss
 from rm3d_plugin.models.losses.scene_class_loss import SceneClassLoss, scene_class_loss
 from rm3d_plugin.models.losses.scene_classes import SceneClasses
 from rm3d_plugin.models.losses.view_consistency import ViewConsistency
@@ -28,6 +29,8 @@ __all__ = [
     'OffsetLoss',
     'PointCrossEntropyLoss',
     'ProposalDice',
+    'ReducedLoss',
+    'Reduction',
     'SceneClassLoss',
     'SceneClasses',
     'ViewConsistency',
@@ -40,5 +43,6 @@ __all__ = [
     'mse_aug_loss',
     'offset_loss',
     'point_cross_entropy',
+    'reduce_loss',
     'scene_class_loss',
 ]

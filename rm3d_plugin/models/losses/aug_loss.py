@@ -5,8 +5,9 @@ from collections.abc import Callable
 
 import torch
 from jaxtyping import Float
-from torch import Tensor, nn
+from torch import Tensor
 
+from rm3d_plugin.models.losses.reduction import ReducedLoss
 from rm3d_plugin.registry import MODELS
 
 
@@ -18,10 +19,14 @@ def js_divergence(
     Natural logarithm: in [0, ln 2], symmetric, 0 only for equal distributions. Stays in log space, so that logits of
     a one-hot distribution have a finite gradient.
 
+    Raises:
+        ValueError: They are no two tables of one shape, (B, C, N) say.
+
     >>> import torch
     >>> js_divergence(torch.tensor([[0.0, 0.0]]), torch.tensor([[5.0, 5.0]])).item()
     0.0
     """
+    _check_rows(logits, other)
     log_p, log_q = logits.log_softmax(dim=1), other.log_softmax(dim=1)
     log_m = torch.logaddexp(log_p, log_q) - math.log(2.0)
     terms = log_p.exp() * (log_p - log_m) + log_q.exp() * (log_q - log_m)
@@ -35,38 +40,54 @@ def js_aug_loss(logits: Float[Tensor, 'points classes'], other: Float[Tensor, 'p
 
 def mse_aug_loss(logits: Float[Tensor, 'points classes'], other: Float[Tensor, 'points classes']) -> Float[Tensor, '']:
     """Mean squared difference of the class probabilities (the paper's ablation); 0 for no points."""
-    return (logits.softmax(dim=1) - other.softmax(dim=1)).square().sum() / max(logits.numel(), 1)
+    return squared_differences(logits, other).sum() / max(logits.numel(), 1)
 
 
-class _AugLoss(nn.Module):
+def squared_differences(
+    logits: Float[Tensor, 'points classes'], other: Float[Tensor, 'points classes']
+) -> Float[Tensor, 'points classes']:
+    """Of the softmax of two rows of logits; raises as :func:`js_divergence` does."""
+    _check_rows(logits, other)
+    return (logits.softmax(dim=1) - other.softmax(dim=1)).square()
+
+
+def _check_rows(logits: Tensor, other: Tensor) -> None:
+    if logits.ndim != 2 or logits.shape != other.shape:
+        raise ValueError(
+            f'logits of two views: expected (points, classes) twice, got {tuple(logits.shape)} and '
+            f'{tuple(other.shape)}; rows are points: logits.transpose(1, 2).flatten(0, 1) makes them of (B, C, N)'
+        )
+
+
+class _AugLoss(ReducedLoss):
     """A weighted loss between two views of the same points.
 
     Args:
         loss_weight: Factor of the loss; larger: views agree more closely.
+        reduction: 'mean', 'sum' or 'none'.
     """
 
     compare: Callable[[Tensor, Tensor], Tensor]
 
-    def __init__(self, loss_weight: float = 1.0) -> None:
-        super().__init__()
-        self.loss_weight = loss_weight
-
     def forward(
-        self, logits: Float[Tensor, 'points classes'], logits_aug: Float[Tensor, 'points classes']
-    ) -> Float[Tensor, '']:
-        """Loss between rows of the same points."""
-        return self.loss_weight * self.compare(logits, logits_aug)
+        self,
+        logits: Float[Tensor, 'points classes'],
+        logits_aug: Float[Tensor, 'points classes'],
+        avg_factor: float | None = None,
+    ) -> Float[Tensor, '...']:
+        """Loss between rows of the same points; ``avg_factor`` as in mmdetection."""
+        return self.weighted(self.compare(logits, logits_aug), avg_factor)
 
 
 @MODELS.register_module()
 class JSAugLoss(_AugLoss):
     """Weighted :func:`js_aug_loss`."""
 
-    compare = staticmethod(js_aug_loss)
+    compare = staticmethod(js_divergence)
 
 
 @MODELS.register_module()
 class MSEAugLoss(_AugLoss):
     """Weighted :func:`mse_aug_loss`."""
 
-    compare = staticmethod(mse_aug_loss)
+    compare = staticmethod(squared_differences)

@@ -2,8 +2,9 @@
 
 import torch
 from jaxtyping import Float
-from torch import Tensor, nn
+from torch import Tensor
 
+from rm3d_plugin.models.losses.reduction import ReducedLoss
 from rm3d_plugin.registry import MODELS
 
 
@@ -29,23 +30,20 @@ def dice_loss(
 
 
 @MODELS.register_module()
-class DiceLoss(nn.Module):
+class DiceLoss(ReducedLoss):
     """Weighted mean of :func:`dice_loss` over masks; 0 for no mask.
 
     Args:
         loss_weight: Factor of the loss; larger: tighter instances.
+        reduction: 'mean', 'sum' or 'none' of the masks.
     """
-
-    def __init__(self, loss_weight: float = 1.0) -> None:
-        super().__init__()
-        self.loss_weight = loss_weight
 
     def forward(
         self,
         mask: Float[Tensor, '*masks points'],
         member: Float[Tensor, '*masks points'],
         known: Float[Tensor, '*masks points'] | None = None,
-    ) -> Float[Tensor, '']:
-        """Mean loss of the masks."""
-        each = torch.atleast_1d(dice_loss(mask, member, known))
-        return self.loss_weight * each.sum() / max(each.numel(), 1)
+        avg_factor: float | None = None,
+    ) -> Float[Tensor, '...']:
+        """Loss of the masks; ``avg_factor`` as in mmdetection."""
+        return self.weighted(torch.atleast_1d(dice_loss(mask, member, known)), avg_factor)

@@ -1,11 +1,17 @@
 """Cross-entropy over the points that have a (pseudo) label, and the weights of rare classes."""
 
+from typing import NamedTuple
+
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float, Int, Num
-from torch import Tensor, nn
+from torch import Tensor
 
+from rm3d_plugin.models.losses.reduction import ReducedLoss, Reduction
 from rm3d_plugin.registry import MODELS
+from rm3d_plugin.structures import UNLABELLED
+
+_EPS = 1e-6  # where no point counts, the mean is 0
 
 
 def class_weights(counts: Num[Tensor, ' classes'], power: float) -> Float[Tensor, ' classes']:
@@ -22,6 +28,18 @@ def class_weights(counts: Num[Tensor, ' classes'], power: float) -> Float[Tensor
     weights = torch.where(counts > 0, counts.clamp_min(1.0).pow(-power), 0.0)
     scaled = weights * (counts.sum() / (weights * counts).sum().clamp_min(1e-12))
     return torch.where(counts > 0, scaled, 1.0).float()
+
+
+class WeightedCrossEntropy(NamedTuple):
+    """Of each point.
+
+    Attributes:
+        loss: (N,) cross-entropy times weight.
+        weight: (N,) of the point in the mean.
+    """
+
+    loss: Float[Tensor, 'points *rest']
+    weight: Float[Tensor, 'points *rest']
 
 
 def point_cross_entropy(
@@ -41,6 +59,18 @@ def point_cross_entropy(
             weight; 0 ignores it.
         point_weights: Further factor of each point; 1 when not given.
     """
+    each = weighted_cross_entropy(logits, labels, class_weights, unlabelled_weight, point_weights)
+    return each.loss.sum() / each.weight.sum().clamp_min(_EPS)
+
+
+def weighted_cross_entropy(
+    logits: Float[Tensor, 'points classes *rest'],
+    labels: Int[Tensor, 'points *rest'],
+    class_weights: Float[Tensor, ' classes'] | None = None,
+    unlabelled_weight: float = 0.0,
+    point_weights: Float[Tensor, 'points *rest'] | None = None,
+) -> WeightedCrossEntropy:
+    """What :func:`point_cross_entropy` averages; see there."""
     unlabelled = labels < 0
     background = logits.shape[1] - 1
     target = labels.masked_fill(unlabelled, background)
@@ -49,31 +79,50 @@ def point_cross_entropy(
     if point_weights is not None:
         weight = weight * point_weights.to(logits)
     each = F.cross_entropy(logits, target, reduction='none')
-    return (each * weight).sum() / weight.sum().clamp_min(1e-6)
+    return WeightedCrossEntropy(each * weight, weight)
 
 
 @MODELS.register_module()
-class PointCrossEntropyLoss(nn.Module):
+class PointCrossEntropyLoss(ReducedLoss):
     """Weighted :func:`point_cross_entropy`.
 
     Args:
         loss_weight: Factor of the loss.
         unlabelled_weight: Weight of a point without a label as background; 0 ignores it.
+        reduction: 'mean' over the weights, 'sum' or 'none' of the points.
+        ignore_index: A further label that means unlabelled, besides -1: ``num_classes`` in mmdetection3d.
     """
 
-    def __init__(self, loss_weight: float = 1.0, unlabelled_weight: float = 0.0) -> None:
-        super().__init__()
-        self.loss_weight = loss_weight
-        self.unlabelled_weight = unlabelled_weight
+    def __init__(
+        self,
+        loss_weight: float = 1.0,
+        unlabelled_weight: float = 0.0,
+        reduction: Reduction = 'mean',
+        ignore_index: int | None = None,
+    ) -> None:
+        super().__init__(loss_weight, reduction)
+        self.unlabelled_weight, self.ignore_index = unlabelled_weight, ignore_index
 
     def forward(
         self,
-        logits: Float[Tensor, 'points classes'],
-        labels: Int[Tensor, ' points'],
+        logits: Float[Tensor, 'points classes *rest'],
+        labels: Int[Tensor, 'points *rest'],
         class_weights: Float[Tensor, ' classes'] | None = None,
-        point_weights: Float[Tensor, ' points'] | None = None,
-    ) -> Float[Tensor, '']:
-        """Loss over the points of a batch; weights as in :func:`point_cross_entropy`."""
-        return self.loss_weight * point_cross_entropy(
-            logits, labels, class_weights, self.unlabelled_weight, point_weights
-        )
+        point_weights: Float[Tensor, 'points *rest'] | None = None,
+        avg_factor: float | None = None,
+        ignore_index: int | None = None,
+    ) -> Float[Tensor, '...']:
+        """Loss over the points of a batch: (N, C) and (N,), or (B, C, N) and (B, N) as mmdetection3d's heads have them.
+
+        Args:
+            logits: Raw class scores.
+            labels: Class numbers; -1 = unlabelled.
+            class_weights: See :func:`point_cross_entropy`.
+            point_weights: See :func:`point_cross_entropy`.
+            avg_factor: What the sum is divided by; None: the sum of the weights.
+            ignore_index: Instead of that of the loss.
+        """
+        ignored = self.ignore_index if ignore_index is None else ignore_index
+        known = labels if ignored is None else labels.masked_fill(labels == ignored, UNLABELLED)
+        each = weighted_cross_entropy(logits, known, class_weights, self.unlabelled_weight, point_weights)
+        return self.weighted(each.loss, avg_factor, each.weight.sum().clamp_min(_EPS))

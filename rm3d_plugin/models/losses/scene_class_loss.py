@@ -2,8 +2,9 @@
 
 import torch.nn.functional as F
 from jaxtyping import Float
-from torch import Tensor, nn
+from torch import Tensor
 
+from rm3d_plugin.models.losses.reduction import ReducedLoss
 from rm3d_plugin.registry import MODELS
 
 
@@ -21,19 +22,19 @@ def scene_class_loss(
 
 
 @MODELS.register_module()
-class SceneClassLoss(nn.Module):
+class SceneClassLoss(ReducedLoss):
     """Weighted :func:`scene_class_loss`.
 
     Args:
         loss_weight: Factor of the loss.
+        reduction: 'mean', 'sum' or 'none' of scenes and classes.
     """
 
-    def __init__(self, loss_weight: float = 1.0) -> None:
-        super().__init__()
-        self.loss_weight = loss_weight
-
     def forward(
-        self, logits: Float[Tensor, 'scenes classes'], present: Float[Tensor, 'scenes classes']
-    ) -> Float[Tensor, '']:
-        """Loss of the scenes of a batch."""
-        return self.loss_weight * scene_class_loss(logits, present)
+        self,
+        logits: Float[Tensor, 'scenes classes'],
+        present: Float[Tensor, 'scenes classes'],
+        avg_factor: float | None = None,
+    ) -> Float[Tensor, '...']:
+        """Loss of the scenes of a batch; ``avg_factor`` as in mmdetection."""
+        return self.weighted(F.binary_cross_entropy_with_logits(logits, present, reduction='none'), avg_factor)

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from rm3d_plugin.structures import SceneError
+from rm3d_plugin.structures.check_field import check_switches
 
 Column = Literal['intensity', 'rgb', 'shape', 'clearance', 'place']
 _WIDTHS = {'intensity': 1, 'rgb': 3, 'shape': 8, 'clearance': 12, 'place': 8}
@@ -39,6 +40,7 @@ class PointInputs:
     extent: float = 10.0
 
     def __post_init__(self) -> None:
+        check_switches(self, 'height', 'coordinates')
         for name in (*self.columns, *(self.use or ())):
             if name not in get_args(Column):
                 raise ValueError(f'PointInputs.columns: expected names out of {get_args(Column)}, got {name!r}')
@@ -88,7 +90,7 @@ def point_inputs(
     if points.shape[1] != settings.point_columns:
         raise SceneError(
             f'points: {points.shape[1]} columns, but x, y, z and columns={list(settings.columns)} make '
-            f'{settings.point_columns}; set inputs.columns of the model to what the scans have'
+            f'{settings.point_columns}; set inputs.columns of the model (point_columns of a config) to what they have'
         )
     parts, first = [], 3
     for name in settings.columns:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any, final
 
 import torch
+from mmengine.structures import BaseDataElement
 from torch import Tensor
 
 from rm3d_plugin.models.batch import Batch
@@ -16,7 +17,7 @@ from rm3d_plugin.models.segmentors.scene_inference import SceneInference
 from rm3d_plugin.models.segmentors.scene_instances import scene_instances
 from rm3d_plugin.models.segmentors.scene_reader import SceneReader, settled
 from rm3d_plugin.registry import MODELS
-from rm3d_plugin.structures import LabelStatistics, SceneSample
+from rm3d_plugin.structures import LabelStatistics
 
 
 def segmentation_losses(instances: bool) -> LossConfigs:
@@ -48,6 +49,8 @@ class RM3DSegmentor(PointModel):
             ``predict_points`` is set it does not, as pseudo labels need none.
         inference: Fields of :class:`SceneInference`: chunks for large scenes, voting over views. Default: scenes are
             read whole and once.
+        ignore_index: A further value of ``pts_semantic_mask`` that means unlabelled, besides -1: ``num_classes`` in
+            mmdetection3d.
         data_preprocessor: ``ScenePreprocessor`` by default.
         init_cfg: As in mmengine.
 
@@ -67,16 +70,19 @@ class RM3DSegmentor(PointModel):
         thing_classes: Sequence[int] = (),
         predict_instances: bool = True,
         inference: dict[str, Any] | None = None,
+        ignore_index: int | None = None,
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
     ) -> None:
         settings: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in (inputs or {}).items()}
+        if settings.get('columns', ()) is None:
+            raise ValueError('inputs.columns: None is filled in from the scans when training begins; name them here')
         columns = PointInputs(**settings)
         super().__init__(backbone, columns.channels, data_preprocessor, init_cfg)
         self.inputs, self.num_classes, self.thing_classes = columns, num_classes, tuple(thing_classes)
-        if not set(self.thing_classes) <= set(range(num_classes)):
+        if not all(0 <= number < num_classes for number in self.thing_classes):
             raise ValueError(f'thing_classes: expected classes 0..{num_classes - 1}, got {self.thing_classes}')
-        self.predict_instances = predict_instances
+        self.predict_instances, self.ignore_index = predict_instances, ignore_index
         self.inference = SceneInference(**(inference or {}))
         self.progress: Progress = iter
         channels, given = self.backbone.out_channels, {*SegmentorOutput._fields, *PointLabels._fields}
@@ -112,12 +118,12 @@ class RM3DSegmentor(PointModel):
         offsets = None if self.instance_head is None else self.instance_head(features)
         return SegmentorOutput(features, self.classify(features), offsets)
 
-    def labels(self, samples: Sequence[SceneSample], batch: Batch, outputs: SegmentorOutput) -> PointLabels:
+    def labels(self, samples: Sequence[BaseDataElement], batch: Batch, outputs: SegmentorOutput) -> PointLabels:
         """Classes and instances of the points."""
-        labels = join_point_labels(samples, batch.batch_offsets, self.num_classes)
+        labels = join_point_labels(samples, batch.batch_offsets, self.num_classes, self.ignore_index)
         return labels._replace(class_counts=self.semantic_head.class_counts)
 
-    def predict(self, batch: Batch, samples: list[SceneSample]) -> None:
+    def predict(self, batch: Batch, samples: list[BaseDataElement]) -> None:
         """Class probabilities and, with an instance head, centres and instances.
 
         With ``predict_points`` they are what making labels needs: read from one side, as the network says them, without

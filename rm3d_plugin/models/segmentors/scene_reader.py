@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
+from mmengine.structures import BaseDataElement
 from torch import Tensor
 
 from rm3d_plugin.models.batch import Batch
@@ -19,7 +20,7 @@ from rm3d_plugin.models.segmentors.scene_inference import (
     by_class_frequency,
     mix_regions,
 )
-from rm3d_plugin.structures import SceneError, SceneSample
+from rm3d_plugin.structures import SceneError
 
 
 class ReadScene(NamedTuple):
@@ -110,7 +111,7 @@ def _joined(output: SegmentorOutput) -> Float[Tensor, 'points values']:
 
 def settled(
     probs: Float[Tensor, 'points classes'],
-    sample: SceneSample,
+    sample: BaseDataElement,
     inference: SceneInference,
     class_counts: Float[Tensor, ' classes'],
 ) -> Float[Tensor, 'points classes']:

@@ -119,7 +119,7 @@ def test_unknown_points_count_as_background_with_their_weight_only(world):
 @pytest.mark.parametrize('points', [0, 1])
 def test_tiny_scenes(world, points):
     model = build(world.config())
-    item = {'inputs': {'points': torch.zeros(points, 4)}, 'data_samples': SceneSample()}
+    item = {'inputs': {'points': torch.zeros(points, 4)}, 'data_samples': SceneSample(gt_bboxes_3d=torch.zeros(0, 7))}
     loss, _ = model.parse_losses(losses_of(model, [item]))
     loss.backward()
     assert torch.isfinite(loss.detach())

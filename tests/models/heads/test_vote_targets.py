@@ -88,7 +88,7 @@ def test_join_labels_shifts_instances_and_fills_what_is_absent():
         pts_semantic_mask=torch.tensor([1, -1]),
         pts_instance_mask=torch.tensor([0, -1]),
     )
-    got = join_labels([first, second, SceneSample()], torch.tensor([0, 1, 3, 4]))
+    got = join_labels([first, second, SceneSample()], torch.tensor([0, 1, 3, 4]), torch.zeros(4, 3), 2)
     assert got.instance.tolist() == [-1, 2, -1, -1]
     assert got.semantic.tolist() == [-1, 1, -1, -1]
     assert got.box_is_annotated.tolist() == [True, True, False]
@@ -98,6 +98,6 @@ def test_join_labels_shifts_instances_and_fills_what_is_absent():
 def test_join_labels_names_the_bad_field():
     sample = SceneSample(metainfo={'scene_id': '000042'}, pts_instance_mask=torch.tensor([0]))
     with pytest.raises(SceneError, match='000042.*box 0 of 0'):
-        join_labels([sample], torch.tensor([0, 1]))
+        join_labels([sample], torch.tensor([0, 1]), torch.zeros(1, 3), 2)
     with pytest.raises(SceneError, match='000042.*pts_instance_mask: expected 2 rows, got 1'):
-        join_labels([sample], torch.tensor([0, 2]))
+        join_labels([sample], torch.tensor([0, 2]), torch.zeros(2, 3), 2)
