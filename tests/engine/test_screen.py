@@ -1,14 +1,19 @@
 """What a run shows, and what it keeps for the log file."""
 
 import logging
+from typing import ClassVar
 
 import pytest
 import torch
 from mmengine.dataset import DefaultSampler
 from mmengine.model import BaseModel
+from mmengine.registry import VISBACKENDS
+from mmengine.visualization.vis_backend import BaseVisBackend
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.data import DataLoader
 
 from rm3d_plugin.engine.screen import QuietRunner, belongs_on_screen
+from rm3d_plugin.registry import SCOPE
 
 
 @pytest.mark.parametrize(
@@ -40,20 +45,55 @@ class Line(BaseModel):
         return {'loss': (self.slope * x).square().mean()}
 
 
-def test_a_run_shows_a_line_an_epoch_with_the_time_left_and_logs_the_rest(tmp_path, capsys):
+@VISBACKENDS.register_module()
+class KeptNumbers(BaseVisBackend):
+    """A backend of one's own."""
+
+    seen: ClassVar[list[tuple[str, int]]] = []
+
+    def _init_env(self):
+        pass
+
+    @property
+    def experiment(self):
+        return self.seen
+
+    def add_scalar(self, name, value, step=0, **kwargs):
+        self.seen.append((name, step))
+
+    def add_scalars(self, scalar_dict, step=0, file_path=None, **kwargs):
+        self.seen.extend((name, step) for name in scalar_dict)
+
+
+def run_line(folder, **options):
     data = [{'x': torch.ones(1)}] * 5
     runner = QuietRunner(
         Line(),
-        str(tmp_path),
+        str(folder),
         train_dataloader=DataLoader(data, sampler=DefaultSampler(data), batch_size=1),
         train_cfg={'by_epoch': True, 'max_epochs': 2},
         optim_wrapper={'optimizer': {'type': 'SGD', 'lr': 0.1}},
         default_hooks={'logger': {'type': 'LoggerHook', 'interval': 2, 'ignore_last': False}},
-        default_scope='mmengine',
-        experiment_name='screen',
+        default_scope=SCOPE,
+        experiment_name=folder.name,
         cfg={'a': 1},
+        **options,
     )
     runner.train()
+
+
+def test_tensorboard_and_a_backend_of_ones_own_see_every_loss(tmp_path):
+    backends = [dict(type='TensorboardVisBackend'), dict(type='KeptNumbers')]
+    run_line(tmp_path, visualizer=dict(type='Visualizer', vis_backends=backends))
+    (events,) = tmp_path.glob('*/vis_data/events.out.tfevents.*')
+    read = EventAccumulator(str(events))
+    read.Reload()
+    assert [event.step for event in read.Scalars('loss')] == [2, 4, 5, 7, 9, 10]
+    assert {step for name, step in KeptNumbers.seen if name == 'loss'} == {2, 4, 5, 7, 9, 10}
+
+
+def test_a_run_shows_a_line_an_epoch_with_the_time_left_and_logs_the_rest(tmp_path, capsys):
+    run_line(tmp_path)
     shown = [line for line in capsys.readouterr().out.splitlines() if 'INFO' in line or 'Config' in line]
     assert [line.partition('INFO - ')[2][:18] for line in shown if 'Epoch' in line] == [
         'Epoch(train) [1][5',
