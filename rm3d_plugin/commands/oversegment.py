@@ -7,7 +7,7 @@ from pathlib import Path
 from mmengine.config import DictAction
 
 from rm3d_plugin.commands.numbers import whole
-from rm3d_plugin.inference.oversegment import oversegment_file
+from rm3d_plugin.inference.oversegment import discarded_text, oversegment_file
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -57,5 +57,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
         args.tune,
         args.target_regions,
     )
-    discarded = int((regions.labels < 0).sum())
-    print(f'{args.out}: {len(regions)} regions of {len(regions.labels)} points, {discarded} points discarded')
+    print(f'{args.out}: {len(regions)} regions; {discarded_text(regions)}')

@@ -15,6 +15,7 @@ from rm3d_plugin.engine.config_errors import config_errors
 from rm3d_plugin.engine.distributed import use_launcher
 from rm3d_plugin.engine.found_inputs import find_inputs, take_inputs
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints
+from rm3d_plugin.engine.screen import QuietRunner
 from rm3d_plugin.engine.work_dir import (
     check_same_settings,
     choose_checkpoint,
@@ -89,7 +90,7 @@ def train(
         barrier()
         os.environ.setdefault('CUBLAS_WORKSPACE_CONFIG', ':4096:8')  # without it products on a GPU vary between runs
         with config_errors(config):
-            runner = Runner.from_cfg(config)
+            runner = QuietRunner.from_cfg(config)
             build_loops(runner)
         if is_main_process():
             take_over(work_dir, settings, clear=checkpoint is None)
@@ -211,7 +212,7 @@ def evaluate(config: Config, checkpoint: str | Path) -> Evaluation:
             find_inputs(config)
     config.custom_hooks = []
     with config_errors(config):
-        runner = Runner.from_cfg(config)
+        runner = QuietRunner.from_cfg(config)
     load_weights(runner.model, state, checkpoint)
     scores: dict[str, Any] = runner.test()
     write_json(Path(config.work_dir) / 'test_metrics.json', scores)

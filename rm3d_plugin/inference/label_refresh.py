@@ -68,8 +68,8 @@ def label_again(
         yield written
     if more and not heard:
         warnings.warn(
-            f'--more: {len(more)} scans are predicted by a network for which clicks that it was not taught speak on '
-            'none of the labelled scans: look at the result, click more points, or give more minutes',
+            f'--more: {len(more)} scans are predicted by a network for which clicks that it was not taught speak on no'
+            ' labelled scan: look at the result, click more points, or give more minutes',
             stacklevel=2,
         )
     for scan in tqdm(more, desc='predict', unit='scan', disable=None):

@@ -23,8 +23,9 @@ from rm3d_plugin.storage import click_classes, read_clicks, write_npz
 from rm3d_plugin.storage.ply import write_ply
 from rm3d_plugin.storage.scans import read_cloud
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions
-from rm3d_plugin.visualization.palette import region_colors
+from rm3d_plugin.visualization.palette import by_height, region_colors
 from rm3d_plugin.visualization.regions_page import write_regions_page
+from rm3d_plugin.visualization.scene_view import Layer
 
 ENDINGS = ('.ply', '.npz', '.html')
 POINTS_PER_REGION = 150  # where nobody says how many regions tuning shall aim at
@@ -173,13 +174,23 @@ def _report(tuning: Tuning) -> str:
     )
 
 
+def discarded_text(regions: Regions) -> str:
+    """How many points are in no region, and which: the ground, where it is left out, and small pieces."""
+    count = int((regions.labels < 0).sum())
+    return f'{count} of {len(regions.labels)} points are in no region: the ground, and pieces that are too small (-1)'
+
+
 def write_regions(out: Path, cloud: PointCloud, regions: Regions, name: str) -> Path:
     """Write a partition as its ending says, see :func:`oversegment_file`."""
     if out.suffix.lower() == '.npz':
         arrays = {'xyz': cloud.xyz, 'origin': np.asarray(cloud.origin), 'labels': regions.labels}
         return write_npz(out, arrays)
     if out.suffix.lower() == '.html':
-        return write_regions_page(out, cloud.xyz, regions.labels, f'{name}: {len(regions)} regions')
+        layers = [Layer('height', 'rgb', by_height(cloud.xyz))]
+        if cloud.colors is not None:
+            layers.insert(0, Layer('colour', 'rgb', cloud.colors))
+        title = f'{name}: {len(regions)} regions'
+        return write_regions_page(out, cloud.xyz, regions.labels, title, layers, [discarded_text(regions)])
     world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)
     xyz = world if np.any(cloud.origin) else cloud.xyz
     colors = np.round(region_colors(regions.labels) * 255).astype(np.uint8)

@@ -24,19 +24,19 @@ def class_counts(arrays: Sequence[Int[np.ndarray, ' _labels']]) -> dict[int, int
 
 
 def class_lines(
-    annotated: Mapping[int, int], total: Mapping[int, int], classes: Sequence[str] | None = None
+    annotated: Mapping[int, int], total: Mapping[int, int] | None, classes: Sequence[str] | None = None
 ) -> list[str]:
     """One line a class: annotated labels of those there are.
 
     Args:
         annotated: Class number -> annotated labels.
-        total: Class number -> labels there are.
+        total: Class number -> labels there are; None: nobody knows.
         classes: Class names, for readable lines.
     """
-    names = {number: classes[number] if classes is not None else f'class {number}' for number in total}
-    return [
-        f'  {names[number]:<16} {annotated.get(number, 0):>6} of {there}' for number, there in sorted(total.items())
-    ]
+    every = annotated if total is None else total
+    names = {number: classes[number] if classes is not None else f'class {number}' for number in every}
+    there = {number: '' if total is None else f' of {total[number]}' for number in every}
+    return [f'  {names[number]:<16} {annotated.get(number, 0):>6}{there[number]}' for number in sorted(every)]
 
 
 def by_text(counts: Mapping[int, int]) -> dict[str, int]:

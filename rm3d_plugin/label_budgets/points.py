@@ -104,11 +104,15 @@ class PointBudget:
         share = 100 * self.annotated_count / total if total else 0.0
         whole = f', {len(self.complete)} of them completely' if self.complete else ''
         hidden = '' if self.amount.instances else '; instances stay hidden'
+        clicked = self.amount.clicks is not None  # then nobody knows how many labels there are
+        what = 'clicked points' if clicked else f'of {total} labelled points ({share:.3g} %)'
+        drawn = '' if clicked else f', seed {self.seed}'
         head = (
-            f'Label budget {self.hash[:8]}, seed {self.seed}: {self.annotated_count} of {total} labelled points '
-            f'({share:.3g} %) in {used} of {len(self.sizes)} scenes{whole}{hidden}'
+            f'Label budget {self.hash[:8]}{drawn}: {self.annotated_count} {what} in {used} of {len(self.sizes)} '
+            f'scenes{whole}{hidden}'
         )
-        return '\n'.join([head, *class_lines(self.annotated_per_class, self.total_per_class, classes)])
+        there = None if clicked else self.total_per_class
+        return '\n'.join([head, *class_lines(self.annotated_per_class, there, classes)])
 
 
 def draw_point_budget(

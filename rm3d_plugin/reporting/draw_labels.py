@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from mmengine.config import Config
 
 import rm3d_plugin.datasets
@@ -16,10 +17,15 @@ from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.label_budgets import clicks_of
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.labeling.sources import BoxBudgetSource, LabelSource
+from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.registry import TASK_UTILS
+from rm3d_plugin.reporting.box_scenes import box_view
+from rm3d_plugin.reporting.scenes import CEILING, CUT, own_colors
 from rm3d_plugin.storage import Click, write_bytes, write_clicks
+from rm3d_plugin.structures import PointCloud
 from rm3d_plugin.visualization import BudgetSummary, Picture, RunReport, write_report
 from rm3d_plugin.visualization.label_picture import draw_label_picture
+from rm3d_plugin.visualization.scene_view import Layer, SceneView, pack_views
 
 CLICK_ENDINGS = ('.csv', '.json', '.jsonl')
 MAX_CLICKS = 200_000  # a budget that shows more is written as clicks only where a click file is asked for by name
@@ -130,6 +136,7 @@ def _write_page(path: Path, source: LabelSource, title: str, max_scenes: int, sy
         notes=[summary, shown],
         budget=_budget_summary(source),
         pictures=pictures,
+        views=_views(source, max_scenes),
     )
     return write_report(path, page)
 
@@ -142,18 +149,40 @@ def _budget_summary(source: LabelSource) -> BudgetSummary | None:
     counts = {name: (annotated.get(c, 0), total.get(c, 0)) for c, name in enumerate(source.classes)}
     fields = ((item.name, getattr(drawn.amount, item.name)) for item in dataclasses.fields(drawn.amount))
     words = ', '.join(f'{name} = {value}' for name, value in fields if value is not None)
-    return BudgetSummary(words, drawn.hash, counts, drawn.seed)
+    clicked = isinstance(source, PointBudgetSource) and source.amount.clicks is not None
+    unit = 'boxes' if isinstance(source, BoxBudgetSource) else 'clicked points' if clicked else 'points'
+    return BudgetSummary(words, drawn.hash, counts, drawn.seed, unit, not clicked)
 
 
-def _pictures(source: LabelSource, count: int) -> Iterator[Picture]:
+def _views(source: LabelSource, count: int) -> dict[str, Any] | None:
+    """Scenes with a label to turn, each in its own colours and with its labels, which are marked."""
+    views = []
+    for scene, cloud, annotated in _labelled(source, count):
+        semantic = annotated.semantic
+        if len(annotated.boxes):
+            views.append(box_view(f'Scene {scene}', cloud, {'annotated': annotated.boxes}, source.classes))
+            continue
+        marked = None if annotated.complete else np.flatnonzero(semantic >= 0)
+        layers = [Layer('colour', 'rgb', own_colors(cloud)), Layer('labels', 'class', semantic, 'labels')]
+        views.append(SceneView(f'Scene {scene}', cloud.xyz, layers, marked))
+    return pack_views(views, source.classes, cut=CUT if CEILING in source.classes else 1.0) if views else None
+
+
+def _labelled(source: LabelSource, count: int) -> Iterator[tuple[str, PointCloud, AnnotatedLabels]]:
+    """The first scenes of which something is annotated."""
     found = 0
     for index, scene in enumerate(source.scene_ids):
         if found == count:
             return
         annotated = source.annotated_labels(index)
-        points, boxes = int((annotated.semantic >= 0).sum()), len(annotated.boxes)
-        if points or boxes:
+        if (annotated.semantic >= 0).any() or len(annotated.boxes):
             found += 1
-            picture = draw_label_picture(source.load_cloud(index), annotated.semantic, source.classes, annotated.boxes)
-            what = f'{points} labelled points' + (f' in {boxes} boxes' if boxes else '')
-            yield Picture(f'Scene {scene}: {what} of {len(annotated)} points', picture)
+            yield scene, source.load_cloud(index), annotated
+
+
+def _pictures(source: LabelSource, count: int) -> Iterator[Picture]:
+    for scene, cloud, annotated in _labelled(source, count):
+        points, boxes = int((annotated.semantic >= 0).sum()), len(annotated.boxes)
+        picture = draw_label_picture(cloud, annotated.semantic, source.classes, annotated.boxes)
+        what = f'{points} labelled points' + (f' in {boxes} boxes' if boxes else '')
+        yield Picture(f'Scene {scene}: {what} of {len(annotated)} points', picture)

@@ -1,7 +1,7 @@
 """Leaves ``report.html`` in the work directory."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,11 @@ from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
 from rm3d_plugin.engine.config_files import ConfigError
+from rm3d_plugin.datasets.base import Truth
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.registry import HOOKS
+from rm3d_plugin.reporting.box_scenes import TRUTH, box_view
 from rm3d_plugin.reporting.merges import merge_report
 from rm3d_plugin.reporting.run_report import run_report, scene_picture
 from rm3d_plugin.reporting.scenes import (
@@ -26,8 +28,9 @@ from rm3d_plugin.reporting.scenes import (
     scene_from_above,
     views_of,
 )
-from rm3d_plugin.structures import Boxes3D, SceneError
+from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
 from rm3d_plugin.visualization import Picture, write_report
+from rm3d_plugin.visualization.scene_view import SceneView, pack_views
 
 
 @HOOKS.register_module()
@@ -87,7 +90,9 @@ class ReportHook(Hook):
             views = views_of(scenes, label_maker.source.classes)
             merges = merge_report(label_maker.store, label_maker.source)
         else:
-            pictures = [*self._train_pictures(runner, merging[0]), *self._val_pictures(runner)]
+            shown = list(self._box_scenes(runner, merging[0]))
+            pictures = [picture for picture, _ in shown]
+            views = pack_views([view for _, view in shown], label_maker.source.classes) if shown else None
         record, classes = read_record(runner.work_dir), label_maker.source.classes
         report = run_report(runner.cfg, record, label_maker.store, classes, pictures, seconds, views, merges, times)
         path = write_report(Path(runner.work_dir) / 'report.html', report)
@@ -95,36 +100,22 @@ class ReportHook(Hook):
 
     # ------------------------------------------------------------------ detection
 
-    def _train_pictures(self, runner: Runner, merging: RegionMergeHook) -> list[Picture]:
+    def _box_scenes(self, runner: Runner, merging: RegionMergeHook) -> Iterator[tuple[Picture, SceneView]]:
+        """Training scenes with their labels, validation scenes, each from above and to turn."""
         label_maker, dataset = merging.label_maker, merging.dataloader.dataset
+        classes = label_maker.source.classes
         rated = sorted(label_maker.store.scenes().items(), key=lambda item: -item[1].true_boxes)
-        pictures = []
         for scene_id, _ in rated[: self.train_scenes]:
-            index = label_maker.index_of[scene_id]
-            pictures.append(
-                scene_picture(
-                    f'training scene {scene_id}, labels of the last round',
-                    label_maker.source.load_cloud(index),
-                    label_maker.source.classes,
-                    label_maker.source.truth(index),
-                    _detect(runner, dataset[index]),
-                    label_maker.regions(scene_id),
-                    label_maker.store.read(scene_id),
-                )
-            )
-        return pictures
-
-    def _val_pictures(self, runner: Runner) -> list[Picture]:
-        return [
-            scene_picture(
-                f'validation scene {dataset.scene_ids[index]}',
-                dataset.load_cloud(index),
-                dataset.metainfo['classes'],
-                dataset.load_truth(index),
-                _detect(runner, dataset[index]),
-            )
-            for dataset, index in self._val_scenes(runner)
-        ]
+            index, labels = label_maker.index_of[scene_id], label_maker.store.read(scene_id)
+            cloud, truth = label_maker.source.load_cloud(index), label_maker.source.truth(index)
+            found, regions = _detect(runner, dataset[index]), label_maker.regions(scene_id)
+            caption = f'training scene {scene_id}, labels of the last round'
+            picture = scene_picture(caption, cloud, classes, truth, found, regions, labels)
+            yield picture, _view(caption, cloud, classes, truth, found, labels.boxes)
+        for dataset, index in self._val_scenes(runner):
+            cloud, truth = dataset.load_cloud(index), dataset.load_truth(index)
+            caption, found = f'validation scene {dataset.scene_ids[index]}', _detect(runner, dataset[index])
+            yield scene_picture(caption, cloud, classes, truth, found), _view(caption, cloud, classes, truth, found)
 
     def _val_scenes(self, runner: Runner) -> Iterator[tuple[Any, int]]:
         if runner.val_loop is None:
@@ -198,6 +189,19 @@ def _detect(runner: Runner, item: dict[str, Any], min_score: float = 0.3) -> Box
     scores = sample.pred_scores_3d.cpu().numpy()
     boxes = Boxes3D(sample.pred_bboxes_3d.cpu().numpy(), sample.pred_labels_3d.cpu().numpy(), scores)
     return boxes.select(scores >= min_score)
+
+
+def _view(
+    caption: str,
+    cloud: PointCloud,
+    classes: Sequence[str],
+    truth: Truth | None,
+    found: Boxes3D,
+    labels: Boxes3D | None = None,
+) -> SceneView:
+    known = {} if truth is None else {TRUTH: truth.boxes}
+    pseudo = {} if labels is None else {'pseudo labels': labels}
+    return box_view(caption, cloud, {**known, **pseudo, 'predicted': found}, classes)
 
 
 def _segment(runner: Runner, item: dict[str, Any], points: int) -> tuple[np.ndarray, np.ndarray | None]:

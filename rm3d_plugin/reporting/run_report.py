@@ -11,7 +11,7 @@ from rm3d_plugin.engine.hooks.run_record_hook import final_records, score_record
 from rm3d_plugin.reporting.scores import (
     headlines,
     label_charts,
-    loss_chart,
+    loss_charts,
     point_table,
     result_rows,
     score_chart,
@@ -40,7 +40,9 @@ def budget_of(store: LabelStore, classes: Sequence[str], name: Any) -> BudgetSum
     content = read_json(path)
     annotated, total = content['annotated_per_class'], content['total_per_class']
     counts = {cls: (int(annotated.get(str(i), 0)), int(total.get(str(i), 0))) for i, cls in enumerate(classes)}
-    return BudgetSummary(str(name), content['hash'], counts, content['seed'])
+    clicked = content['amount'].get('clicks') is not None
+    unit = 'clicked points' if clicked else str(content.get('kind', 'boxes'))
+    return BudgetSummary(str(name), content['hash'], counts, content['seed'], unit, not clicked)
 
 
 def scene_picture(
@@ -78,7 +80,7 @@ def run_report(
 ) -> RunReport:
     """Everything the page shows; ``views`` and ``merges`` in segmentation only."""
     rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
-    charts = [loss_chart(record['losses']), score_chart(score_records(record)), *label_charts(rounds)]
+    charts = [*loss_charts(record['losses']), score_chart(score_records(record)), *label_charts(rounds)]
     final = final_records(record)
     told = rounds and (has_estimate(rounds[-1]) or any(record.table == 'agreement' for record in final))
     estimate = {'pseudo labels': estimate_text(rounds[-1])} if told else {}

@@ -83,15 +83,16 @@ def headlines(records: Sequence[ScoreRecord]) -> dict[str, str]:
     return {r.headline: f'{r.value:.1f} %' for r in records if r.headline and r.value is not None}
 
 
-def loss_chart(losses: Mapping[str, Mapping[str, float]]) -> Chart | None:
-    """Mean losses of every epoch; None before the first."""
+def loss_charts(losses: Mapping[str, Mapping[str, float]]) -> list[Chart]:
+    """Mean losses of every epoch, a small chart each, since their sizes differ; none before the first epoch."""
     epochs = sorted(losses, key=int)
-    if not epochs:
-        return None
+    names = [name for name in losses[epochs[0]] if name.startswith('loss')] if epochs else []
+    if len(names) == 2:  # the sum and its only part
+        names = names[:1]
     x = [int(epoch) for epoch in epochs]
-    names = [name for name in losses[epochs[0]] if name.startswith('loss')]
     lines = {name: Series(x, [losses[epoch].get(name, NAN) for epoch in epochs]) for name in names}
-    return Chart('Training losses', 'epoch', 'mean loss', lines)
+    titles = {name: 'Training loss, the sum' if name == 'loss' else f'Training: {name}' for name in names}
+    return [Chart(titles[name], 'epoch', 'mean', {name: line}, small=True) for name, line in lines.items()]
 
 
 def score_chart(validation: Mapping[int, Sequence[ScoreRecord]]) -> Chart | None:

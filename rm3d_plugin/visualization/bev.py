@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from rm3d_plugin.structures import Boxes3D
 from rm3d_plugin.visualization.palette import GREY, class_color, region_colors
 
-TRUTH, PSEUDO, PREDICTED = '#111111', '#b5179e', '#0072b2'
+TRUTH, BOX = '#111111', '#555555'  # of truth, and in a legend of boxes in the colours of classes
 Span = tuple[float, float, float, float]
 
 
@@ -29,14 +29,16 @@ class BoxLayer:
     Attributes:
         name: Words for the legend.
         boxes: The boxes.
-        color: Any colour that matplotlib knows.
+        color: Any colour that matplotlib knows; None: each box has the colour of its class.
         style: '-' or '--'.
+        scores: The score stands beside each box that has one.
     """
 
     name: str
     boxes: Boxes3D
-    color: str
+    color: str | None
     style: str = '-'
+    scores: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,26 +159,31 @@ def scene_panels(
     if semantic is not None or pseudo is not None:
         colors = None if semantic is None else class_point_colors(semantic, len(classes))
         legend = [] if semantic is None else [(class_color(c), name) for c, name in enumerate(classes)]
-        layers = [] if pseudo is None else [BoxLayer('pseudo box', pseudo, PSEUDO)]
-        panels.append(BevPanel('Pseudo labels', xyz, colors, [*known, *layers], legend))
+        layers = [] if pseudo is None else [BoxLayer('pseudo box', pseudo, None)]
+        panels.append(BevPanel('Pseudo labels', xyz, colors, [*known, *layers], legend, legend_beside=True))
     if predicted is not None:
-        panels.append(BevPanel('Predictions', xyz, None, [*known, BoxLayer('predicted', predicted, PREDICTED)]))
+        layers = [*known, BoxLayer('predicted, with score', predicted, None, scores=True)]
+        legend = [(class_color(c), name) for c, name in enumerate(classes)]
+        panels.append(BevPanel('Predictions', xyz, None, layers, legend, legend_beside=True))
     return panels or [BevPanel('Scene', xyz, None, known)]
 
 
 def _draw_panel(axes: Axes, panel: BevPanel, span: Span, max_points: int) -> None:
     step = max(1, -(-len(panel.xyz) // max_points))
     xyz = panel.xyz[::step]
-    colors = GREY if panel.colors is None else panel.colors[::step]
-    axes.scatter(xyz[:, 0], xyz[:, 1], s=0.7, c=colors, linewidths=0, rasterized=True)
+    shade = GREY if panel.colors is None else panel.colors[::step]
+    axes.scatter(xyz[:, 0], xyz[:, 1], s=0.7, c=shade, linewidths=0, rasterized=True)
     handles = [Line2D([], [], color=c, marker='o', linestyle='', markersize=5, label=n) for c, n in panel.legend]
     for layer in panel.layers:
         if len(layer.boxes):
             lines = [*footprints(layer.boxes), *headings(layer.boxes)]
             weight = 2.4 if layer.style == '--' else 1.2  # what lies below shows on both sides
-            axes.add_collection(LineCollection(lines, colors=layer.color, linestyles=layer.style, linewidths=weight))
+            colors = layer.color or [class_color(c) for c in layer.boxes.labels.tolist()] * 2
+            axes.add_collection(LineCollection(lines, colors=colors, linestyles=layer.style, linewidths=weight))
         label = f'{layer.name} ({len(layer.boxes)})'
-        handles.append(Line2D([], [], color=layer.color, linestyle=layer.style, label=label))
+        if layer.scores:
+            _write_scores(axes, layer.boxes)
+        handles.append(Line2D([], [], color=layer.color or BOX, linestyle=layer.style, label=label))
     axes.set_xlim(span[0], span[2])
     axes.set_ylim(span[1], span[3])
     axes.set_aspect('equal')
@@ -188,3 +195,11 @@ def _draw_panel(axes: Axes, panel: BevPanel, span: Span, max_points: int) -> Non
         beside: dict[str, Any] = {'loc': 'upper left', 'bbox_to_anchor': (1.01, 1.0), 'borderaxespad': 0}
         place = beside if panel.legend_beside else {'loc': 'upper right'}
         axes.legend(handles=handles, fontsize=7, framealpha=0.85, **place)
+
+
+def _write_scores(axes: Axes, boxes: Boxes3D) -> None:
+    if boxes.scores is None:
+        return
+    corner = footprints(boxes).max(axis=1)
+    for (x, y), label, score in zip(corner.tolist(), boxes.labels.tolist(), boxes.scores.tolist(), strict=True):
+        axes.text(x, y, f'{score:.2f}', fontsize=5, color=class_color(label), clip_on=True)

@@ -33,6 +33,7 @@ class Chart:
         series: Lines by name, in order.
         marks: x of thin vertical lines (where a round begins, say).
         y_low: Least end of the y axis; None: from the data.
+        small: One of several that stand side by side; the title names its only line, so there is no legend.
     """
 
     title: str
@@ -41,6 +42,7 @@ class Chart:
     series: Mapping[str, Series] = field(default_factory=dict)
     marks: Sequence[float] = ()
     y_low: float | None = None
+    small: bool = False
 
 
 def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
@@ -80,11 +82,12 @@ def draw_chart(chart: Chart) -> str:
     body = [*_axes(chart, frame)]
     body += [_polylines(xy, frame, i) for i, xy in enumerate(lines.values())]
     drawing = ''.join(body)
-    legend = ''.join(_legend_item(name, i) for i, name in enumerate(lines))
+    legend = '' if chart.small else ''.join(_legend_item(name, i) for i, name in enumerate(lines))
+    legend = legend and f'<ul class="legend">{legend}</ul>'
     return (
         f'<figure class="chart"><figcaption>{escape(chart.title)}</figcaption>'
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(_describe(chart, lines))}">{drawing}</svg>'
-        f'<ul class="legend">{legend}</ul></figure>'
+        f'{legend}</figure>'
     )
 
 

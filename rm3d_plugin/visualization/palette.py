@@ -28,3 +28,14 @@ def region_colors(labels: Int[np.ndarray, ' points']) -> Float[np.ndarray, 'poin
     colors = value[:, None] * (1 - 0.75 * (1 - np.clip(ramp, 0, 1)))
     colors[np.asarray(labels) < 0] = 0.8
     return colors
+
+
+_LOW_TO_HIGH = np.array([[0.17, 0.18, 0.43], [0.0, 0.45, 0.7], [0.0, 0.62, 0.45], [0.94, 0.89, 0.26]])
+
+
+def by_height(xyz: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, 'points 3']:
+    """Colours from dark blue over green to yellow, from the lowest to the highest fiftieth of the points."""
+    z = np.asarray(xyz, dtype=np.float64)[:, 2]
+    low, high = np.quantile(z, (0.02, 0.98)) if len(z) else (0.0, 1.0)
+    at = np.clip((z - low) / max(float(high - low), 1e-6), 0, 1) * (len(_LOW_TO_HIGH) - 1)
+    return np.stack([np.interp(at, np.arange(len(_LOW_TO_HIGH)), part) for part in _LOW_TO_HIGH.T], axis=1)

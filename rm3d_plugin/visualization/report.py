@@ -9,6 +9,7 @@ from rm3d_plugin.storage.files import write_text
 from rm3d_plugin.visualization.curves import Chart
 from rm3d_plugin.visualization.report_labels import label_section
 from rm3d_plugin.visualization.report_merges import MergeReport, merge_section
+from rm3d_plugin.visualization.report_sections import BudgetSummary as BudgetSummary
 from rm3d_plugin.visualization.report_sections import (
     budget_section,
     chart_section,
@@ -47,23 +48,6 @@ class ScoreTable(NamedTuple):
     caption: str
     head: Sequence[str]
     rows: Sequence[tuple[Any, ...]]
-
-
-@dataclass(frozen=True)
-class BudgetSummary:
-    """Which labels training saw.
-
-    Attributes:
-        name: As users write it ('two boxes per ten scenes').
-        digest: Hash of the drawn budget.
-        counts: Annotated and existing labels by class name.
-        seed: Of the draw, None where the budget was imported.
-    """
-
-    name: str
-    digest: str
-    counts: Mapping[str, tuple[int, int]]
-    seed: int | None = None
 
 
 @dataclass(frozen=True)
@@ -116,7 +100,7 @@ def render_report(run: RunReport) -> str:
         summary_section(run.summary),
         result_section(run.results),
         '' if run.scores is None else score_section(*run.scores),
-        '' if budget is None else budget_section(budget.name, budget.digest, budget.seed, budget.counts),
+        '' if budget is None else budget_section(budget),
         label_section(run.rounds),
         chart_section(run.charts),
         '' if run.views is None else section('turn', 'Scenes to turn', view_block(dict(run.views))),

@@ -3,6 +3,7 @@
 import base64
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -55,27 +56,71 @@ def score_section(caption: str, head: Sequence[str], rows: Sequence[tuple[Any, .
     return section('results', 'Results', table(head, body, caption, 1, means))
 
 
-def budget_section(name: str, digest: str, seed: int | None, counts: Mapping[str, tuple[int, int]]) -> str:
+@dataclass(frozen=True)
+class BudgetSummary:
+    """Which labels training saw.
+
+    Attributes:
+        name: As users write it ('two boxes per ten scenes').
+        digest: Hash of the drawn budget.
+        counts: Annotated and existing labels by class name.
+        seed: Of the draw, None where the budget was imported.
+        unit: What was annotated, in words: boxes, points, clicked points.
+        total_known: Whether anybody knows how many labels there are; not where a person clicked.
+    """
+
+    name: str
+    digest: str
+    counts: Mapping[str, tuple[int, int]]
+    seed: int | None = None
+    unit: str = 'labels'
+    total_known: bool = True
+
+
+def budget_words(shown: int, total: int, unit: str, total_known: bool) -> str:
+    """How many labels training saw.
+
+    >>> budget_words(20, 782, 'boxes', True), budget_words(30, 30, 'clicked points', False)
+    ('20 of 782 boxes, 2.6 %', '30 clicked points')
+    """
+    if not total_known:
+        return f'{shown:,} {unit}'
+    return f'{shown:,} of {total:,} {unit}, {100 * shown / max(total, 1):.2g} %'
+
+
+def budget_section(budget: BudgetSummary) -> str:
     """Which labels training saw."""
+    rows = dict(budget.counts)
+    all_shown, all_there = (sum(pair[i] for pair in rows.values()) for i in (0, 1))
+    if len(rows) > 1:
+        rows['all'] = (all_shown, all_there)
+    seeded = '' if budget.seed is None or not budget.total_known else f', seed {budget.seed}'
+    told = budget_words(all_shown, all_there, budget.unit, budget.total_known)
+    drawn = f'{escape(budget.name)}{seeded}; hash <code>{escape(budget.digest)}</code>'
+    words = f'<p><strong>{escape(told)}</strong> ({drawn})</p>'
+    head = ['Class', 'Annotated', *(['Existing', 'Share'] if budget.total_known else [])]
     body = [
-        [escape(cls), str(shown), str(total), percent(shown / total if total else None, 2)]
-        for cls, (shown, total) in counts.items()
+        [
+            escape(name),
+            str(shown),
+            *([str(total), percent(shown / total if total else None, 2)] if budget.total_known else []),
+        ]
+        for name, (shown, total) in rows.items()
     ]
-    if len(counts) > 1:
-        shown, total = (sum(pair[i] for pair in counts.values()) for i in (0, 1))
-        body.append(['all', str(shown), str(total), percent(shown / total if total else None, 2)])
-    seeded = '' if seed is None else f', seed {seed}'
-    words = f'<p>{escape(name)}{seeded}; hash <code>{escape(digest)}</code></p>'
-    last = [len(body) - 1] if len(counts) > 1 else []
-    content = table(['Class', 'Annotated', 'Existing', 'Share'], body, 'Labels that training saw', 1, last)
+    content = table(head, body, 'Labels that training saw', 1, [len(body) - 1] if len(budget.counts) > 1 else [])
     return section('budget', 'Label budget', words + content)
 
 
 def chart_section(charts: Sequence[Chart]) -> str:
-    """Curves side by side."""
+    """Curves side by side, the small ones first."""
     if not charts:
         return ''
-    return section('curves', 'Curves', f'<div class="charts">{"".join(draw_chart(chart) for chart in charts)}</div>')
+    small, large = [chart for chart in charts if chart.small], [chart for chart in charts if not chart.small]
+    groups = (('charts small', small), ('charts', large))
+    content = ''.join(
+        f'<div class="{kind}">{"".join(draw_chart(chart) for chart in group)}</div>' for kind, group in groups if group
+    )
+    return section('curves', 'Curves', content)
 
 
 def picture_section(pictures: Sequence[tuple[str, bytes]]) -> str:

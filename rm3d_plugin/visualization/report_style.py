@@ -40,6 +40,7 @@ tbody th { font-weight: 500; }
 th[scope='colgroup'] { border-left: 1px solid var(--line); }
 .number { text-align: right; white-space: nowrap; }
 .strong th, .strong td { font-weight: 700; background: var(--tile); }
+.charts.small { grid-template-columns: repeat(auto-fit, minmax(min(15rem, 100%), 1fr)); gap: 0.75rem; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(26rem, 100%), 1fr)); gap: 1.5rem; }
 figure { margin: 1rem 0; }
 figure img { max-width: 100%; height: auto; background: #fff; border: 1px solid var(--line); border-radius: 6px; }

@@ -67,7 +67,8 @@ def test_html_is_complete_by_itself(scan, tmp_path):
     page = (tmp_path / 'r.html').read_text(encoding='utf-8')
     assert f'<h1>room.npy: {len(regions)} regions</h1>' in page and not re.search(r'https?:|src=', page)
     (scene,) = json.loads(re.search(r'id="view-data">(.*?)</script>', page, re.DOTALL)[1])['scenes']
-    (layer,) = scene['layers']
+    layer, *others = scene['layers']
+    assert [other['name'] for other in others] == ['height'] and 'points are in no region: the ground' in page
     assert (layer['name'], layer['kind'], scene['total']) == ('region', 'number', len(regions.labels))
     drawn = np.frombuffer(base64.b64decode(layer['data']), '<u2').astype(int)
     step = -(-len(regions.labels) // MAX_POINTS)
@@ -104,7 +105,7 @@ def test_command_line(scan, tmp_path):
     done = run(scan, '--out', 'deep/r.npz', *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     labels = read_npz(tmp_path / 'deep' / 'r.npz')['labels']
-    assert f'{labels.max() + 1} regions of {len(labels)} points' in done.stdout
+    assert f'{labels.max() + 1} regions; {(labels < 0).sum()} of {len(labels)} points are in no region' in done.stdout
 
 
 def test_a_missing_scan_is_named(tmp_path, capsys):

@@ -91,7 +91,7 @@ def run(tmp_path_factory) -> tuple[Path, str]:
 def test_clicks_in_the_world_become_labels_of_the_scans(run):
     folder, log = run
     store = LabelStore(folder / 'run' / 'labels')
-    assert store.rounds() == (0, 1) and '30 of 30 labelled points' in log
+    assert store.rounds() == (0, 1) and '30 clicked points in 2 of 2 scenes' in log and 'Config:' not in log
     told = [int(store.read(name, 0).point_is_annotated.sum()) for name in ('a', 'b')]
     assert sum(told) == 24  # a fifth of the ten clicks of each class is kept back to judge the network
     for number, name in enumerate(('a', 'b')):

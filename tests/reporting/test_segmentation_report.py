@@ -90,7 +90,7 @@ def test_the_page_tells_scores_labels_and_budget(left):
     ]
     budget = json.loads((left.folder / 'labels' / 'budget.json').read_text())
     assert budget['hash'] in left.page and ['all', '15'] in [r[:2] for r in rows]
-    for title in ('Training losses', 'Validation scores', 'Pseudo labels', 'Offset error of pseudo instances'):
+    for title in ('Training loss, the sum', 'Validation scores', 'Pseudo labels', 'Offset error of pseudo instances'):
         assert f'<figcaption>{title}</figcaption>' in left.page
     assert left.page.count('data:image/png;base64,') == 2
 

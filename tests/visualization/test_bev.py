@@ -2,6 +2,7 @@ import io
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
 from rm3d_plugin.structures import Boxes3D
@@ -15,7 +16,7 @@ from rm3d_plugin.visualization.bev import (
     scene_panels,
     span_of,
 )
-from rm3d_plugin.visualization.palette import SERIES, region_colors
+from rm3d_plugin.visualization.palette import SERIES, by_height, class_color, region_colors
 
 BOXES = Boxes3D(np.array([[10.0, 2, 0, 4, 2, 1.5, np.pi / 2]]), np.array([0]))
 XYZ = np.random.default_rng(0).uniform(0, 20, (500, 3))
@@ -63,7 +64,8 @@ def test_picture_is_a_png_and_repeats():
         predicted=Boxes3D.empty(),
     )
     assert [p.title for p in panels] == ['10 regions', 'Pseudo labels', 'Predictions']
-    assert [layer.name for layer in panels[2].layers] == ['truth', 'predicted']
+    assert [layer.name for layer in panels[2].layers] == ['truth', 'predicted, with score']
+    assert all(panel.legend_beside for panel in panels[1:])
     png = draw_bev(panels, dpi=40)
     image = imread(io.BytesIO(png))
     assert image.shape[1] == pytest.approx(3 * 4.2 * 40, abs=2)
@@ -75,3 +77,24 @@ def test_empty_and_single_point_scenes_are_drawn():
         assert draw_bev(scene_panels(xyz, ('Car',)), dpi=30).startswith(b'\x89PNG')
     with pytest.raises(ValueError, match='no panel'):
         draw_bev([])
+
+
+def test_boxes_have_the_colour_of_their_class_and_their_score():
+    tensor = np.array([[0.0, 0, 0, 4, 2, 1.5, 0], [8.0, 0, 0, 4, 2, 1.5, 1]])
+    boxes = Boxes3D(tensor, np.array([0, 1]), np.array([0.9, 0.4]))
+    with_scores, without = (
+        draw_bev([BevPanel('p', XYZ, layers=[BoxLayer('b', boxes, None, scores=scores)])], dpi=80)
+        for scores in (True, False)
+    )
+    assert with_scores != without
+    image = (imread(io.BytesIO(without))[..., :3] * 255).round().astype(int)
+    for number in (0, 1):
+        near = np.abs(image - np.round(np.array(to_rgb(class_color(number))) * 255)).max(axis=2) < 12
+        assert near.sum() > 20
+
+
+def test_heights_go_from_dark_to_light():
+    colors = by_height(np.stack([np.zeros(100), np.zeros(100), np.linspace(0, 5, 100)], axis=1))
+    lightness = colors @ [0.3, 0.59, 0.11]
+    assert (np.diff(lightness) >= 0).all() and lightness[-1] - lightness[0] > 0.5
+    assert by_height(np.zeros((0, 3))).shape == (0, 3) and (by_height(np.ones((2, 3))) == colors[0]).all()

@@ -42,7 +42,9 @@ RUN = RunReport(
     synthetic=True,
     notes=['one <note>'],
     summary={'mAP': 51.239, 'device': 'CPU'},
-    budget=BudgetSummary('two boxes per ten scenes', 'cafe01', {'Car': (2, 28), 'Cyclist': (1, 4)}, seed=7),
+    budget=BudgetSummary(
+        'two boxes per ten scenes', 'cafe01', {'Car': (2, 28), 'Cyclist': (1, 4)}, seed=7, unit='boxes'
+    ),
     results=[ResultRow('Car', '3d R40 @ 0.70', 61.5, 52.25, float('nan')), ResultRow('mean', '3d R40', 1.0, 2.0, 3.0)],
     charts=[Chart('Loss', 'epoch', 'loss', {'total & all': Series([1, 2, 3], [3.0, 2.0, 1.5])}, marks=[2])],
     rounds=ROUNDS,
@@ -177,3 +179,11 @@ def test_durations():
         '1 h 0 min',
         '2 h 1 min',
     ]
+
+
+def test_budgets_are_told_in_words():
+    page = render_report(RUN)
+    assert '<strong>3 of 32 boxes, 9.4 %</strong>' in page and 'Existing' in page
+    clicked = BudgetSummary('clicks = a.csv', 'cafe02', {'tree': (5, 5)}, 0, 'clicked points', total_known=False)
+    page = render_report(RunReport('clicks', budget=clicked))
+    assert '<strong>5 clicked points</strong>' in page and 'Existing' not in page and 'seed' not in page
