@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, growing_radii
 from rm3d_plugin.ops.octree import Neighbors, Octree
 from rm3d_plugin.ops.pair_features import ANGLE_BINS, PairHistograms, histograms_of_points
+from rm3d_plugin.ops.shared_octree import octree_of
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import Descriptors, PointCloud
 
@@ -79,7 +80,7 @@ class AdaptedPFH(Descriptor):
 
     def compute(self, cloud: PointCloud) -> Descriptors:
         """Describe every point of a cloud."""
-        tree = Octree(cloud.xyz)
+        tree = octree_of(cloud.xyz)
         normals = cloud_normals(cloud, self.normal_neighbors, tree)
         radii = growing_radii(cloud, self.radius, self.range_growth)
         result = adapted_pfh(cloud.xyz, normals, radii, self.max_neighbors, tree)

@@ -2,6 +2,7 @@
 
 # mypy: disable-error-code="no-untyped-def"
 # ruff: noqa: ANN001, ANN202
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numba import njit
 
 from rm3d_plugin.ops._parallel import map_blocks
 from rm3d_plugin.ops.octree import Octree
+from rm3d_plugin.ops.shared_octree import nearest_of_each, octree_of
 
 MIN_POINTS = 3  # a plane needs so many
 CHUNK = 1 << 16  # points whose neighbours are held in memory at a time
@@ -156,7 +158,7 @@ def estimate_normals(
         raise ValueError(f'estimate_normals: k: expected at least 1, got {k}')
     if radius is not None and not radius > 0:
         raise ValueError(f'estimate_normals: radius: expected a positive radius in metres, got {radius}')
-    tree = Octree(points) if octree is None else octree
+    tree = octree_of(points) if octree is None else octree
     n = len(points)
     if len(tree) != n:
         raise ValueError(f'estimate_normals: octree: expected one of the {n} points, got one of {len(tree)}')
@@ -164,14 +166,8 @@ def estimate_normals(
     view = np.full(3, np.nan) if viewpoint is None else np.asarray(viewpoint, dtype=np.float64)
     normals, curvature = np.empty((n, 3), dtype=np.float32), np.zeros(n, dtype=np.float32)
     valid = np.zeros(n, dtype=np.bool_)
-    for start in range(0, n, CHUNK):
-        rows = tree.order[start : start + CHUNK]
-        if radius is None:
-            indices = tree.knn(array[rows], k).indices.reshape(-1)
-            offsets = np.arange(0, len(indices) + 1, k, dtype=np.int64)
-        else:
-            found = tree.radius(array[rows], radius, ordered=False)
-            indices, offsets = found.indices, found.offsets
+    found = _within(tree, array, radius) if radius is not None else _nearest(tree, points, k, octree is None)
+    for rows, indices, offsets in found:
 
         def work(
             first: int, last: int, rows: np.ndarray = rows, offsets: np.ndarray = offsets, indices: np.ndarray = indices
@@ -180,3 +176,22 @@ def estimate_normals(
 
         map_blocks(work, len(rows), BLOCK)
     return NormalEstimate(normals, curvature, valid)
+
+
+def _within(tree: Octree, points: np.ndarray, radius: float) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Numbers of some points at a time, and their neighbours within a radius in CSR."""
+    for start in range(0, len(points), CHUNK):
+        rows = tree.order[start : start + CHUNK]
+        found = tree.radius(points[rows], radius, ordered=False)
+        yield rows, found.indices, found.offsets
+
+
+def _nearest(
+    tree: Octree, points: np.ndarray, k: int, shared: bool
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """The same of the nearest ones; ``shared``: others may meet the same points."""
+    orders = (tree.order[start : start + CHUNK] for start in range(0, len(points), CHUNK))
+    found = nearest_of_each(points, k, CHUNK) if shared else ((rows, tree.knn(points[rows], k)) for rows in orders)
+    for rows, near in found:
+        indices = near.indices.reshape(-1)
+        yield rows, indices, np.arange(0, len(indices) + 1, k, dtype=np.int64)

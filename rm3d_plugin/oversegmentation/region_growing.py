@@ -9,7 +9,8 @@ from numba import njit
 
 from rm3d_plugin.ops._parallel import map_blocks
 from rm3d_plugin.ops.normals import estimate_normals
-from rm3d_plugin.ops.octree import Knn, Octree
+from rm3d_plugin.ops.octree import Knn
+from rm3d_plugin.ops.shared_octree import nearest_of_each
 from rm3d_plugin.oversegmentation.base import Oversegmenter
 from rm3d_plugin.oversegmentation.small_regions import (
     Affinity,
@@ -71,14 +72,11 @@ def link_points(
         threshold: Least affinity to join.
         affinity: Its weights.
     """
-    tree = Octree(xyz)
     found = np.empty((len(xyz), neighbors + 1), dtype=np.int32)
     joins = np.empty(found.shape, dtype=np.bool_)
     known = (normals, normals.any(axis=1), descriptors)
     limits, condition = np.square(reach, dtype=np.float64), (float(threshold), *affinity)
-    for first in range(0, len(xyz), CHUNK):
-        rows = tree.order[first : first + CHUNK]
-        near = tree.knn(xyz[rows], neighbors + 1)
+    for rows, near in nearest_of_each(xyz, neighbors + 1, CHUNK):
 
         def work(start: int, stop: int, rows: np.ndarray = rows, near: Knn = near) -> None:
             _link_block(start, stop, rows, near.indices, near.sq_dists, limits, *known, *condition, found, joins)

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from numba import njit, types
 from numba.typed import Dict
 
-from rm3d_plugin.ops.octree import Octree
+from rm3d_plugin.ops.shared_octree import nearest_of_each
 from rm3d_plugin.ops.voxel_grid import close_gaps
 from rm3d_plugin.regions.features import region_features
 from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions
@@ -60,11 +60,9 @@ def build_region_graph(
 def touching_regions(xyz: Float[np.ndarray, 'points 3'], regions: Regions, k: int = TOUCH_NEIGHBORS) -> RegionGaps:
     """Pairs of regions where a point of one has a point of the other among its k nearest (itself included)."""
     members = np.sort(regions.indices)
-    points, labels = xyz[members], regions.labels[members]
-    tree, best = Octree(points), Dict.empty(key_type=types.int64, value_type=types.float64)
-    for first in range(0, len(points), CHUNK):
-        rows = tree.order[first : first + CHUNK]
-        near = tree.knn(points[rows], k)
+    points, labels = (xyz, regions.labels) if len(members) == len(xyz) else (xyz[members], regions.labels[members])
+    best = Dict.empty(key_type=types.int64, value_type=types.float64)
+    for rows, near in nearest_of_each(points, k, CHUNK):
         _note_touching(labels, rows, near.indices, near.sq_dists, len(regions), best)
     return _gaps_of(best, len(regions))
 

@@ -10,6 +10,7 @@ from jaxtyping import Int
 from rm3d_plugin.descriptors.base import virtual_viewpoint
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.segment import scatter_rows
+from rm3d_plugin.ops.shared_octree import sharing_octree
 from rm3d_plugin.oversegmentation import Oversegmenter
 from rm3d_plugin.oversegmentation.base import seeds_among
 from rm3d_plugin.regions.graph import build_region_graph
@@ -109,12 +110,14 @@ def prepare_scene(
     """
     cloud = _usable_channels(cloud, name)
     kept = np.flatnonzero(~oversegmenter.find_ground(cloud))
-    rest = with_normals(cloud.select(kept))
-    descriptors = descriptor.compute(rest)
-    _tell_undescribed(descriptors, len(cloud), type(descriptor).__name__, name)
-    labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)), name)
-    regions = Regions(labels)
-    graph = build_region_graph(rest, descriptors, regions, graph_neighbors, max_gap)
+    rest = cloud.select(kept)
+    with sharing_octree(rest.xyz):
+        rest = with_normals(rest)
+        descriptors = descriptor.compute(rest)
+        _tell_undescribed(descriptors, len(cloud), type(descriptor).__name__, name)
+        labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)), name)
+        regions = Regions(labels)
+        graph = build_region_graph(rest, descriptors, regions, graph_neighbors, max_gap)
 
     assert rest.normals is not None and rest.curvature is not None
     normals = scatter_rows(rest.normals, kept, len(cloud), fill=0)
