@@ -3,6 +3,8 @@
 from rm3d_plugin.datasets import samplers as samplers
 from rm3d_plugin.datasets import transforms as transforms
 from rm3d_plugin.datasets.base import DatasetNotFoundError, SceneDataset, Truth
+from rm3d_plugin.datasets.box_files import BoxFilesDataset
+from rm3d_plugin.datasets.boxes import BoxDataset
 from rm3d_plugin.datasets.files import FilesDataset
 from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.oakland import OaklandDataset
@@ -14,6 +16,8 @@ from rm3d_plugin.datasets.semantickitti import SemanticKittiDataset
 from rm3d_plugin.datasets.vkitti import VKITTI3DDataset
 
 __all__ = [
+    'BoxDataset',
+    'BoxFilesDataset',
     'DatasetNotFoundError',
     'FilesDataset',
     'KittiDataset',

@@ -1,5 +1,6 @@
 """Metrics: registered shells over the plain functions of ``functional``."""
 
+from rm3d_plugin.evaluation.indoor_det_metric import IndoorDetMetric
 from rm3d_plugin.evaluation.instance_seg_metric import InstanceSegMetric
 from rm3d_plugin.evaluation.kitti_metric import KittiMetric
 from rm3d_plugin.evaluation.overseg_metric import OversegMetric
@@ -10,6 +11,7 @@ from rm3d_plugin.evaluation.sem_seg_metric import SemSegMetric
 from rm3d_plugin.evaluation.unlabelled_sem_seg_metric import UnlabelledSemSegMetric
 
 __all__ = [
+    'IndoorDetMetric',
     'InstanceSegMetric',
     'KittiMetric',
     'OversegMetric',
