@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from rm3d_plugin.datasets.box_formats import BOX_FORMATS
 from rm3d_plugin.inference.predict import predict_files
 from rm3d_plugin.inference.predict_formats import FORMATS
 from rm3d_plugin.inference.predict_points import PointOptions
@@ -17,15 +18,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
         'scans',
         nargs='+',
         type=Path,
-        help='scans, or folders of them; detector: .bin, segmentor: .ply .pcd .las .laz .npy .npz .bin .txt .csv .xyz',
+        help='scans, or folders of them: .ply .pcd .las .laz .npy .npz .bin .txt .csv .xyz',
     )
     parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
     parser.add_argument(
         '--min-score', type=float, help='leave out boxes and instances that score lower; default 0.1 for boxes, else 0'
     )
     parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...; default cpu')
+    parser.add_argument(
+        '--format',
+        choices=[*FORMATS, *BOX_FORMATS],
+        default='ply',
+        metavar='FORMAT',
+        help=f'what is written: of points {", ".join(FORMATS)} (default ply), of boxes {", ".join(BOX_FORMATS)} '
+        '(default json, and kitti where ../calib/NAME.txt is found)',
+    )
+    parser.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
+    parser.add_argument(
+        '--drop-nan', action='store_true', help='leave out points whose place is NaN, as organised PCD has them'
+    )
+    parser.add_argument(
+        '--intensity-range', type=float, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
+    )
     points = parser.add_argument_group('classes of points')
-    points.add_argument('--format', choices=list(FORMATS), default='ply', help='what is written; default ply')
     points.add_argument(
         '--tta-rotations', type=int, help='average over so many directions about z; default: as in the run'
     )
@@ -34,13 +49,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     points.add_argument('--max-points', type=int, help='predict in chunks of at most so many points; default 1000000')
     points.add_argument(
         '--unknown-below', type=float, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
-    )
-    points.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
-    points.add_argument(
-        '--drop-nan', action='store_true', help='leave out points whose place is NaN, as organised PCD has them'
-    )
-    points.add_argument(
-        '--intensity-range', type=float, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
     )
     points.add_argument(
         '--labels',

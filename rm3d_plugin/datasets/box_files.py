@@ -157,7 +157,7 @@ class BoxFilesDataset(BoxDataset):
             name = self.scene_ids[index]
             expected = self.layout.boxes / f'{name}{BOX_FORMATS[self.box_format].ending}'
             raise BoxFileError(
-                f'scene {name}: nobody labelled it, there is no {expected}; an empty file says that it holds no object, '
+                f'scene {name}: nobody labelled it, there is no {expected}; an empty file says: no object; '
                 'or take the scan off the list'
             )
         boxes = self._named(path).of_classes(self.classes)

@@ -36,7 +36,7 @@ def test_a_scan_without_labels_becomes_boxes_as_json_and_as_kitti_lines(call, tr
     assert [line for line in output.splitlines() if line.startswith(str(out))] == [str(out / name) for name in names]
 
     content = json.loads((out / 'first.json').read_text())
-    assert content['scan'] == 'first.bin' and content['frame'].startswith('lidar: x forward')
+    assert content['scan'] == 'first.bin' and content['frame'].startswith('that of the scan file')
     kinds, boxes, scores = boxes_of(out / 'first.json')
     assert len(boxes) >= 3 and (scores >= 0.05).all() and (boxes[:, 3:6] > 0).all()
     calib = read_calib(tmp_path / 'drive' / 'calib' / 'first.txt')
