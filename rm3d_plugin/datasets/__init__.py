@@ -14,6 +14,7 @@ from rm3d_plugin.datasets.segmentation import SegmentationDataset
 from rm3d_plugin.datasets.semantic3d import Semantic3DDataset
 from rm3d_plugin.datasets.semantickitti import SemanticKittiDataset
 from rm3d_plugin.datasets.vkitti import VKITTI3DDataset
+from rm3d_plugin.datasets.waymo import WaymoDataset
 
 __all__ = [
     'BoxDataset',
@@ -30,6 +31,7 @@ __all__ = [
     'SemanticKittiDataset',
     'Truth',
     'VKITTI3DDataset',
+    'WaymoDataset',
     'samplers',
     'transforms',
 ]

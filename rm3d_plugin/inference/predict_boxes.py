@@ -51,7 +51,7 @@ class BoxOptions:
         """
         if self.format == 'kitti' and calib is None:
             raise ConfigError(
-                '--format kitti: tells boxes in the frame of a camera, so each scan needs ../calib/NAME.txt; the others '
+                '--format kitti: tells boxes in the frame of a camera, so each scan needs ../calib/NAME.txt; others '
                 'need none'
             )
         if self.format is not None:
