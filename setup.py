@@ -49,9 +49,11 @@ setup(
             'mypy>=1.14',
             'import-linter>=2.1',
             'dask[distributed]>=2024.8',  # preparation on a cluster
+            'pyarrow>=17',  # as the extra waymo
         ],
         'docs': ['mkdocs-material>=9.5'],
         'superpoints': ['cut-pursuit-py>=1.0.12'],  # solver of the over-segmenter CutPursuit (MIT)
+        'waymo': ['pyarrow>=17'],  # Waymo's parquet files
         'las': ['laspy[lazrs]>=2.5'],  # LAS and LAZ scans
         'peers': ['open3d-cpu==0.20.0'],  # only compared with, in tests and benchmarks; needs libusb and libGL
     },

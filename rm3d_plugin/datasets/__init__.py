@@ -6,6 +6,7 @@ from rm3d_plugin.datasets.base import DatasetNotFoundError, SceneDataset, Truth
 from rm3d_plugin.datasets.box_files import BoxFilesDataset
 from rm3d_plugin.datasets.boxes import BoxDataset
 from rm3d_plugin.datasets.files import FilesDataset
+from rm3d_plugin.datasets.instance_boxes import InstanceBoxDataset
 from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.oakland import OaklandDataset
 from rm3d_plugin.datasets.s3dis import S3DISDataset
@@ -21,6 +22,7 @@ __all__ = [
     'BoxFilesDataset',
     'DatasetNotFoundError',
     'FilesDataset',
+    'InstanceBoxDataset',
     'KittiDataset',
     'OaklandDataset',
     'S3DISDataset',

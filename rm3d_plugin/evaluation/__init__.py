@@ -9,6 +9,7 @@ from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, records_
 from rm3d_plugin.evaluation.s3dis_instance_metric import S3DISInstanceMetric
 from rm3d_plugin.evaluation.sem_seg_metric import SemSegMetric
 from rm3d_plugin.evaluation.unlabelled_sem_seg_metric import UnlabelledSemSegMetric
+from rm3d_plugin.evaluation.waymo_metric import WaymoMetric
 
 __all__ = [
     'IndoorDetMetric',
@@ -21,5 +22,6 @@ __all__ = [
     'ScoreRecord',
     'SemSegMetric',
     'UnlabelledSemSegMetric',
+    'WaymoMetric',
     'records_of',
 ]
