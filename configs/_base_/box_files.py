@@ -7,6 +7,7 @@ data_root = 'data/scans'
 box_format = 'auto'
 columns = None  # which column plays which part, where names do not tell
 intensity_range = None  # strength that reads as 1; None: each scan's own
+unit = None  # m that count as one to all that follows, below too: 1 for objects between a chair and a lorry
 train_list = None  # file with the name of a scan in each line; None: train.txt, ImageSets/train.txt or the folder train
 val_list = None
 classes = None
@@ -29,7 +30,11 @@ train_pipeline = [
 ]
 eval_pipeline = [dict(type='DropGround'), dict(type='PackScene')]
 reading = dict(
-    box_format='${box_format}', columns='${columns}', intensity_range='${intensity_range}', cache='${cache_dir}'
+    box_format='${box_format}',
+    columns='${columns}',
+    intensity_range='${intensity_range}',
+    unit='${unit}',
+    cache='${cache_dir}',
 )
 train_dataloader = dict(dataset=dict(ann_file='${train_list}', **reading))
 label_dataloader = dict(dataset=dict(ann_file='${train_list}', **reading))

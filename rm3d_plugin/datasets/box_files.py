@@ -61,6 +61,8 @@ class BoxFilesDataset(BoxDataset):
             where there is one.
         classes: Classes to learn, in the order of their numbers; boxes of others are left out. None: all that
             the split's folder has, by name.
+        unit: Metres that count as one to everything that follows: points and boxes are divided by it, so that boats or
+            insects are to a network what cars are. None: 1.
         box_format: A key of :data:`~rm3d_plugin.datasets.box_formats.BOX_FORMATS`; 'auto': told from the files.
         columns: See :class:`FilesDataset`.
         nan_points: See :class:`FilesDataset`; 'drop' leaves out what a lidar stores where nothing came back.
@@ -79,6 +81,7 @@ class BoxFilesDataset(BoxDataset):
         ann_file: str | None = None,
         classes: Sequence[str] | None = None,
         box_format: str = 'auto',
+        unit: float | None = None,
         columns: str | Columns | None = None,
         nan_points: NanPoints = 'drop',
         cache: str | Path | None = 'work_dirs/scene_cache',
@@ -87,8 +90,11 @@ class BoxFilesDataset(BoxDataset):
         check_choice('split', split, get_args(Split))
         check_choice('box_format', box_format, ('auto', *BOX_FORMATS))
         super().__init__(split, classes=classes or (), **common)
+        if unit is not None and not 0 < unit < np.inf:
+            raise ValueError(f'unit: expected metres above 0, got {unit}')
         self.data_root = Path(data_root)
         self.ann_file = ann_file
+        self.unit = unit or 1.0
         self._given_format = box_format
         self._reading = {'columns': columns, 'nan_points': nan_points, 'cache': cache}
         self._scans: FilesDataset | None = None
@@ -144,7 +150,7 @@ class BoxFilesDataset(BoxDataset):
     def read_cloud(self, index: int) -> PointCloud:
         """Every point of a file."""
         self.full_init()  # scenes may be left out
-        return self.scans.load_cloud(self.scans.scene_ids.index(self.scene_ids[index]))
+        return in_units(self.scans.load_cloud(self.scans.scene_ids.index(self.scene_ids[index])), self.unit)
 
     def is_labelled(self, index: int) -> bool:
         """Whether there is a file of boxes."""
@@ -161,7 +167,7 @@ class BoxFilesDataset(BoxDataset):
                 'or take the scan off the list'
             )
         boxes = self._named(path).of_classes(self.classes)
-        return Boxes3D(boxes.tensor - np.pad(cloud.origin, (0, 4)), boxes.labels)
+        return to_units(boxes, cloud.origin, self.unit)
 
     def _named(self, path: Path) -> NamedBoxes:
         return BOX_FORMATS[self.box_format].read(path, self._calib(path.stem))

@@ -42,6 +42,27 @@ def with_strength(cloud: PointCloud, intensity_range: float | None = None) -> Po
     return replace(cloud, intensity=np.clip(strength / top, 0.0, 1.0) if top and top > 0 else np.zeros(len(cloud)))
 
 
+def in_units(cloud: PointCloud, unit: float) -> PointCloud:
+    """The cloud with ``unit`` metres as one; world = xyz * unit + origin."""
+    if unit == 1:
+        return cloud
+    return replace(
+        cloud, xyz=cloud.xyz / unit, sensor=None if cloud.sensor is None else np.asarray(cloud.sensor) / unit
+    )
+
+
+def to_units(boxes: Boxes3D, origin: Float[np.ndarray, '3'], unit: float) -> Boxes3D:
+    """World boxes in the frame of a cloud in units."""
+    scale = np.r_[np.full(6, 1 / unit), 1.0]
+    return Boxes3D((boxes.tensor - np.pad(origin, (0, 4))) * scale, boxes.labels, boxes.scores)
+
+
+def to_world(boxes: Boxes3D, origin: Float[np.ndarray, '3'], unit: float) -> Boxes3D:
+    """Undo :func:`to_units`."""
+    scale = np.r_[np.full(6, unit), 1.0]
+    return Boxes3D(boxes.tensor * scale + np.pad(origin, (0, 4)), boxes.labels, boxes.scores)
+
+
 class BoxDataset(SceneDataset):
     """Scenes whose objects have boxes; what a subclass reads is cropped here and becomes truth here.
 

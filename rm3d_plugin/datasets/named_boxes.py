@@ -29,9 +29,10 @@ class NamedBoxes(NamedTuple):
     scores: Float[np.ndarray, ' boxes'] | None = None
 
     def of_classes(self, classes: Sequence[str]) -> Boxes3D:
-        """The boxes of these classes with their numbers; others are left out."""
-        kept = [row for row, name in enumerate(self.names) if name in classes]
-        labels = np.array([classes.index(self.names[row]) for row in kept], dtype=np.int64)
+        """The boxes of these classes, letter case aside, with their numbers; others are left out."""
+        numbers = {name.lower(): number for number, name in reversed(list(enumerate(classes)))}
+        kept = [row for row, name in enumerate(self.names) if name.lower() in numbers]
+        labels = np.array([numbers[self.names[row].lower()] for row in kept], dtype=np.int64)
         return Boxes3D(self.tensor[kept], labels, None if self.scores is None else self.scores[kept])
 
     @classmethod

@@ -117,7 +117,8 @@ class WaymoDataset(BoxDataset):
         return FrameFiles(self.folder, segment)
 
     def _frame(self, index: int) -> tuple[FrameFiles, int]:
-        segment, time = self._frames[self.scene_ids[index]]
+        scene = self.scene_ids[index]  # finds the frames first
+        segment, time = self._frames[scene]
         return self.files(segment), time
 
     # ------------------------------------------------------------------ one scene

@@ -16,6 +16,8 @@ from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError, stray_points
 MOST_SCENES = 60  # clouds that the range is measured on, spread over the training scenes
 VOXELS_ACROSS = 10  # voxels across the narrowest class: 16 cm for cars, 6 cm for people
 COARSEST, FINEST = 0.4, 0.02  # m; larger voxels blur the shapes that regions tell apart, smaller ones cost memory
+USUAL = (0.3, 4.0)  # m; narrower side of objects that the settings are made for
+CAR = 1.6  # m; that of a car
 OBJECT_GAMMA, NEVER = 0.4, 1.1  # see configs/_base_/kitti.py: classes, background
 
 
@@ -48,9 +50,11 @@ def measure_boxes(config: Config) -> Measured:
     boxes = [source.annotated_labels(index).boxes for index in range(len(source.scene_ids))]
     shown = Boxes3D(np.concatenate([b.tensor for b in boxes]), np.concatenate([b.labels for b in boxes]))
     sizes = class_sizes(shown, source.classes)
-    space = point_space(source)
-    found = {'classes': list(source.classes), 'num_classes': len(source.classes), 'class_sizes': _plain(sizes)}
-    found |= {'point_range': space.limits, 'heights': space.heights} | lengths_of(sizes)
+    unit = unit_of(sizes) if config.get('unit') is None else 1.0  # the source has divided by a given one
+    space = point_space(source, unit)
+    found = {'classes': list(source.classes), 'num_classes': len(source.classes), 'unit': unit}
+    found |= {'class_sizes': _plain(sizes / unit), 'point_range': space.limits, 'heights': space.heights}
+    found |= lengths_of(sizes / unit)
     open_keys = {key: value for key, value in found.items() if key in config and config[key] is None}
     return Measured(open_keys, list(_lines(source, shown, open_keys)))
 
@@ -59,6 +63,18 @@ def class_sizes(boxes: Boxes3D, classes: Sequence[str]) -> Float[np.ndarray, 'cl
     """Median size of the annotated boxes of each class, metres; the median of all for a class without any."""
     sizes = median_sizes(boxes.tensor, boxes.labels, len(classes))
     return np.where(np.isfinite(sizes), sizes, np.median(boxes.tensor[:, 3:6], axis=0))
+
+
+def unit_of(sizes: Float[np.ndarray, 'classes 3']) -> float:
+    """Metres that count as one: 1 for objects of usual size, else so many that they become as wide as cars.
+
+    Losses and settings are in metres, and fit things from chairs to lorries.
+
+    >>> unit_of(np.array([[3.9, 1.6, 1.5], [0.8, 0.6, 1.7]])), unit_of(np.array([[36.0, 8.0, 15.0]]))
+    (1.0, 5.0)
+    """
+    usual = float(np.exp(np.log(sizes[:, :2].min(axis=1)).mean()))
+    return 1.0 if USUAL[0] <= usual <= USUAL[1] else float(f'{usual / CAR:.2g}')
 
 
 def lengths_of(sizes: Float[np.ndarray, 'classes 3']) -> dict[str, Any]:
@@ -99,16 +115,16 @@ class Space(NamedTuple):
     heights: list[float]
 
 
-def point_space(source: LabelSource) -> Space:
-    """The range of some training scenes, all alike."""
+def point_space(source: LabelSource, unit: float = 1.0) -> Space:
+    """The range of some training scenes, in units of so many metres."""
     count = len(source.scene_ids)
     clouds = [source.load_cloud(i) for i in np.linspace(0, count - 1, min(count, MOST_SCENES)).astype(int).tolist()]
     low, high = np.min([_ends(c)[0] for c in clouds], axis=0), np.max([_ends(c)[1] for c in clouds], axis=0)
     heights = np.median([np.quantile(cloud.xyz[:, 2], (0.01, 0.99)) for cloud in clouds], axis=0)
     heights[1] = max(heights[1], heights[0] + 0.1)  # m; a flat scan has a height, too
     own_frames = any(np.any(cloud.origin) for cloud in clouds)
-    limits = None if own_frames else [*np.floor(low).tolist(), *(np.floor(high) + 1).tolist()]
-    return Space(limits, _plain(heights))
+    limits = None if own_frames else [*np.floor(low / unit).tolist(), *(np.floor(high / unit) + 1).tolist()]
+    return Space(limits, _plain(heights / unit))
 
 
 def _ends(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import features
 from rm3d_plugin.datasets.box_formats import BOX_FORMATS
-from rm3d_plugin.datasets.boxes import with_strength, within
+from rm3d_plugin.datasets.boxes import in_units, to_world, with_strength, within
 from rm3d_plugin.datasets.kitti_format import IMAGE_SIZE, KittiCalib, in_camera_view, read_calib
 from rm3d_plugin.datasets.named_boxes import NamedBoxes
 from rm3d_plugin.engine.config import ConfigError
@@ -70,6 +70,7 @@ class Detector:
         point_range: (x, y, z, x, y, z) metres, what the network was trained to see; None: everything.
         intensity_range: Strength that reads as 1, see :func:`~rm3d_plugin.datasets.boxes.with_strength`.
         camera_view: Whether it was trained on what a camera sees.
+        unit: Metres that count as one to the network; clouds, range and boxes are in units.
     """
 
     model: Any
@@ -78,6 +79,7 @@ class Detector:
     point_range: tuple[float, ...] | None
     intensity_range: float | None = 1.0
     camera_view: bool = False
+    unit: float = 1.0
 
     @classmethod
     def load(cls, checkpoint: str | Path, device: str = 'cpu') -> 'Detector':
@@ -100,6 +102,7 @@ class Detector:
             None if limits is None else tuple(limits),
             1.0 if kitti else dataset.get('intensity_range'),
             kitti and bool(dataset.get('fov_only', True)),
+            dataset.get('unit') or 1.0,
         )
 
     def crop(self, cloud: PointCloud, calib: KittiCalib | None, name: str) -> PointCloud:
@@ -172,12 +175,11 @@ def predict_boxes(
     for scan in tqdm(scans, desc='predict', unit='scan', disable=None):
         calib_path = calib_beside(scan)
         calib = None if calib_path is None else read_calib(calib_path)
-        cloud = detector.crop(_read(scan, options), calib, str(scan))
+        cloud = detector.crop(in_units(_read(scan, options), detector.unit), calib, str(scan))
         boxes = detector.detect(cloud, scan.name)
         assert boxes.scores is not None
         boxes = boxes.select(boxes.scores >= min_score)
-        world = Boxes3D(boxes.tensor + np.pad(cloud.origin, (0, 4)), boxes.labels, boxes.scores)
-        named = NamedBoxes.from_boxes(world, detector.classes)
+        named = NamedBoxes.from_boxes(to_world(boxes, cloud.origin, detector.unit), detector.classes)
         for kind in options.formats(calib_path):
             yield BOX_FORMATS[kind].write(out / f'{scan.stem}{BOX_FORMATS[kind].ending}', named, scan.name, calib)
 
