@@ -8,7 +8,7 @@ import numpy as np
 
 from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
 from rm3d_plugin.datasets.box_formats import BOX_FORMATS, find_format
-from rm3d_plugin.datasets.boxes import BoxDataset
+from rm3d_plugin.datasets.boxes import BoxDataset, in_units, to_units
 from rm3d_plugin.datasets.files import FilesDataset
 from rm3d_plugin.datasets.kitti_format import KittiCalib, read_calib
 from rm3d_plugin.datasets.named_boxes import BoxFileError, NamedBoxes
@@ -96,7 +96,8 @@ class BoxFilesDataset(BoxDataset):
         self.ann_file = ann_file
         self.unit = unit or 1.0
         self._given_format = box_format
-        self._reading = {'columns': columns, 'nan_points': nan_points, 'cache': cache}
+        self._split: Split = split
+        self._reading: dict[str, Any] = {'columns': columns, 'nan_points': nan_points, 'cache': cache}
         self._scans: FilesDataset | None = None
         self._layout: Layout | None = None
         self._box_format: str | None = None
@@ -118,7 +119,7 @@ class BoxFilesDataset(BoxDataset):
         if self._scans is None:
             folder, names = self.layout.scans, self.layout.names
             files = None if names is None else [_scan_of(folder, name) for name in names]
-            self._scans = FilesDataset(folder, self.split, files=files, **self._reading)
+            self._scans = FilesDataset(folder, self._split, files=files, **self._reading)
         return self._scans
 
     def find_scenes(self) -> tuple[str, ...]:
@@ -167,7 +168,7 @@ class BoxFilesDataset(BoxDataset):
                 'or take the scan off the list'
             )
         boxes = self._named(path).of_classes(self.classes)
-        return to_units(boxes, cloud.origin, self.unit)
+        return to_units(boxes, np.asarray(cloud.origin), self.unit)
 
     def _named(self, path: Path) -> NamedBoxes:
         return BOX_FORMATS[self.box_format].read(path, self._calib(path.stem))

@@ -21,7 +21,7 @@ def _rounded(values: Sequence[float] | np.ndarray) -> list[float]:
 
 
 def _scores(boxes: NamedBoxes) -> list[float | None]:
-    return [None] * len(boxes.names) if boxes.scores is None else _rounded(boxes.scores)
+    return [None] * len(boxes.names) if boxes.scores is None else list(_rounded(boxes.scores))
 
 
 def write_openpcdet(path: Path, boxes: NamedBoxes, scan: str, calib: KittiCalib | None) -> Path:

@@ -179,7 +179,7 @@ def predict_boxes(
         boxes = detector.detect(cloud, scan.name)
         assert boxes.scores is not None
         boxes = boxes.select(boxes.scores >= min_score)
-        named = NamedBoxes.from_boxes(to_world(boxes, cloud.origin, detector.unit), detector.classes)
+        named = NamedBoxes.from_boxes(to_world(boxes, np.asarray(cloud.origin), detector.unit), detector.classes)
         for kind in options.formats(calib_path):
             yield BOX_FORMATS[kind].write(out / f'{scan.stem}{BOX_FORMATS[kind].ending}', named, scan.name, calib)
 
