@@ -140,12 +140,11 @@ def _plain(values: np.ndarray) -> list[Any]:
 def _lines(source: LabelSource, shown: Boxes3D, found: Mapping[str, Any]) -> Iterator[str]:
     yield f'Found in the data (each is a key of --cfg-options): {source.describe().splitlines()[0]}'
     counts = np.bincount(shown.labels, minlength=len(source.classes))
+    unit = found.get('unit', 1.0)
     for number, name in enumerate(source.classes):
-        size = found.get('class_sizes')
-        told = '' if size is None else ' x '.join(f'{v:g}' for v in size[number]) + ' m'
-        yield f'  class {name}: {counts[number]} annotated boxes, median {told}' + ' (of all classes)' * (
-            not counts[number]
-        )
+        size = [f'{unit * v:.3g}' for v in found['class_sizes'][number]] if 'class_sizes' in found else []
+        told = f', median {" x ".join(size)} m' if size else ''
+        yield f'  class {name}: {counts[number]} annotated boxes{told}' + ' (of all classes)' * (not counts[number])
     for key, value in found.items():
         if key not in ('classes', 'class_sizes', 'num_classes'):
             yield f'  {key} = {value}'

@@ -123,24 +123,25 @@ def waymo_ap(
 def _count(
     truths: Sequence[WaymoTruth], detections: Sequence[Boxes3D], number: int, iou: float, cutoffs: np.ndarray
 ) -> _Counts:
-    total = _Counts(*np.zeros((2, len(cutoffs))), np.zeros((len(LEVELS), len(cutoffs))), np.zeros(len(cutoffs)))
+    size = len(cutoffs)
+    total = _Counts(np.zeros(size), np.zeros(size), np.zeros((len(LEVELS), size)), np.zeros(size))
     for truth, found in zip(truths, detections, strict=True):
         assert found.scores is not None
         mine, wanted = found.labels == number, truth.labels == number
         boxes, level = truth.boxes[wanted], truth.level[wanted]
         scores = found.scores[mine].astype(np.float32)
         overlap = rotated_iou_3d(found.tensor[mine], boxes).astype(np.float32)
-        size, sums = -1, (0, 0.0, np.zeros(len(LEVELS)))
+        there, sums = -1, (0, 0.0, np.zeros(len(LEVELS)))
         for i, cutoff in enumerate(cutoffs):
             kept = scores >= cutoff
-            if size != kept.sum():  # cutoffs ascend: as many are the same ones
+            if there != kept.sum():  # cutoffs ascend: as many are the same ones
                 rows, columns = match(overlap[kept], iou)
                 accuracy = heading_accuracy(found.tensor[mine][kept][rows, 6], boxes[columns, 6])
                 left = np.delete(level, columns)
-                size = int(kept.sum())
+                there = int(kept.sum())
                 sums = len(rows), float(accuracy.sum()), np.array([(left <= x).sum() for x in LEVELS])
             total.hits[i] += sums[0]
-            total.false[i] += size - sums[0]
+            total.false[i] += there - sums[0]
             total.missed[:, i] += sums[2]
             total.heading[i] += sums[1]
     return total
