@@ -113,7 +113,7 @@ class Detector:
         """
         keep = np.ones(len(cloud), dtype=bool)
         if self.point_range is not None:
-            keep = within(cloud.xyz, np.asarray(self.point_range), axes=3)
+            keep = within(cloud.xyz, np.asarray(self.point_range, dtype=np.float64), axes=3)
         if calib is not None and self.camera_view:
             keep &= in_camera_view(cloud.xyz, calib, IMAGE_SIZE)
         if not keep.any():

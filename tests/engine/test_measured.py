@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from harbour import make_harbour
+from reference.harbour import make_harbour
 
 from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.engine.measured import lengths_of, measure_boxes, unit_of
