@@ -163,17 +163,14 @@ def _drawn_boxes(
     """Rows of each scene that are annotated, where some stay hidden."""
     usable = _usable(labels, lidar_points, min_points)
     names = list(labels)
-    if amount.scenes < 1:
-        holding = [names[i] for i in np.unique(usable[0])] if amount.each is not None else names
-        drawn = [names.index(name) for name in _drawn_scenes(holding, amount.scenes, seed)]
-        usable = usable[:, np.isin(usable[0], drawn)]
-        names_of, boxes = len(drawn), sum(len(labels[names[i]]) for i in drawn)
-    else:
-        names_of, boxes = len(names), sum(map(len, labels.values()))
+    holding = names if amount.scenes == 1 else [names[i] for i in np.unique(usable[0])]
+    drawn = _drawn_scenes(holding, amount.scenes, seed)
+    usable = usable[:, np.isin(usable[0], [names.index(name) for name in drawn])]
+    count = amount.count(len(drawn), sum(len(labels[name]) for name in drawn))
     scene_of, row_of, class_of = usable
     order = np.random.default_rng(seed).permutation(len(class_of))
     pick = _pick_alike if amount.alike else _pick
-    picked = order[pick(scene_of[order], class_of[order], amount.count(names_of, boxes), amount.each)]
+    picked = order[pick(scene_of[order], class_of[order], count, amount.each)]
     return {name: tuple(sorted(row_of[picked[scene_of[picked] == i]].tolist())) for i, name in enumerate(names)}
 
 

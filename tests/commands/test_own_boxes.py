@@ -19,7 +19,13 @@ def test_from_boxes_of_a_labelling_tool_to_boxes_of_other_scans(call, tmp_path):
     options = ['--cfg-options', f'data_root={world}', f'cache_dir={tmp_path / "cache"}', *TINY.split()]
     code, output = call('train', CONFIG, '--work-dir', tmp_path / 'run', *options)
     assert code == 0, output
-    for told in ('class boat: 3 annotated boxes, median 4 x 2 x 2 m', 'voxel_size = 0.1', '6 of 6 boxes', 'AP25', 'recall50'):
+    for told in (
+        'class boat: 3 annotated boxes, median 4 x 2 x 2 m',
+        'voxel_size = 0.1',
+        '6 of 6 boxes',
+        'AP25',
+        'recall50',
+    ):
         assert told in output
     checkpoint = tmp_path / 'run' / 'epoch_2.pth'
     scans = world / 'points'

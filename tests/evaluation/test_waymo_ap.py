@@ -1,5 +1,8 @@
 """Waymo's AP and APH, by hand and beside a slow twin."""
 
+import doctest
+from importlib import import_module
+
 import numpy as np
 import pytest
 import torch
@@ -123,3 +126,8 @@ def test_errors():
         waymo_ap([], [], ['Boat'])
     with pytest.raises(ValueError, match='1 scores are NaN'):
         waymo_ap([truth(cars(0))], [found(cars(0), [np.nan])], ['Vehicle'])
+
+
+def test_doctests():
+    failed, tried = doctest.testmod(import_module('rm3d_plugin.evaluation.functional.waymo_ap'))
+    assert tried >= 2 and failed == 0
