@@ -123,16 +123,24 @@ class BoxFilesDataset(BoxDataset):
         return self._scans
 
     def find_scenes(self) -> tuple[str, ...]:
-        """Names of the scans without their ending."""
-        return self.scans.scene_ids
+        """Names of the scans without their ending.
+
+        Raises:
+            BoxFileError: With labels='truth', nobody labelled one of them.
+        """
+        names = self.scans.scene_ids
+        if self.labels == 'truth' and self.bad_scenes == 'error':
+            for name in names:
+                self._labelled_file(name)
+        return names
 
     def box_files(self) -> list[Path]:
-        """Every file of boxes of the data set, of all splits."""
+        """Every file of boxes of the data set, of all splits that share the folder."""
         folder = self.layout.boxes
         if folder == self.layout.scans:  # text may be scans there
-            own = (folder / f'{Path(name).stem}.json' for name in self.scans.scene_ids)
+            own = (self._beside(name, '.json') for name in self.scans.scene_ids)
             return [path for path in own if path.is_file()]
-        return sorted(path for path in folder.iterdir() if path.suffix.lower() in BOX_ENDINGS and path.is_file())
+        return sorted(path for path in folder.rglob('*') if path.suffix.lower() in BOX_ENDINGS and path.is_file())
 
     @property
     def box_format(self) -> str:
@@ -155,20 +163,22 @@ class BoxFilesDataset(BoxDataset):
 
     def is_labelled(self, index: int) -> bool:
         """Whether there is a file of boxes."""
-        return self._box_file(index) is not None
+        return self._box_file(self.scene_ids[index]) is not None
 
     def read_boxes(self, index: int, cloud: PointCloud) -> Boxes3D:
         """Boxes of the classes, moved into the frame of the scan's points."""
-        path = self._box_file(index)
+        boxes = self._named(self._labelled_file(self.scene_ids[index])).of_classes(self.classes)
+        return to_units(boxes, np.asarray(cloud.origin), self.unit)
+
+    def _labelled_file(self, name: str) -> Path:
+        path = self._box_file(name)
         if path is None:
-            name = self.scene_ids[index]
-            expected = self.layout.boxes / f'{name}{BOX_FORMATS[self.box_format].ending}'
+            expected = self._beside(name, BOX_FORMATS[self.box_format].ending)
             raise BoxFileError(
                 f'scene {name}: nobody labelled it, there is no {expected}; an empty file says: no object; '
                 'or take the scan off the list'
             )
-        boxes = self._named(path).of_classes(self.classes)
-        return to_units(boxes, np.asarray(cloud.origin), self.unit)
+        return path
 
     def _named(self, path: Path) -> NamedBoxes:
         return BOX_FORMATS[self.box_format].read(path, self._calib(path.stem))
@@ -177,11 +187,16 @@ class BoxFilesDataset(BoxDataset):
         path = self.layout.calib / f'{name}.txt'
         return read_calib(path) if self.box_format == 'kitti' and path.is_file() else None
 
-    def _box_file(self, index: int) -> Path | None:
-        name = Path(self.scene_ids[index]).stem
-        paths = (self.layout.boxes / f'{name}{BOX_FORMATS[self.box_format].ending}',)
-        scan = self.scans.path(self.scans.scene_ids.index(self.scene_ids[index]))
-        return next((path for path in paths if path.is_file() and path != scan), None)
+    def _box_file(self, name: str) -> Path | None:
+        path = self._beside(name, BOX_FORMATS[self.box_format].ending)
+        return path if path.is_file() and path != self._scan(name) else None
+
+    def _scan(self, name: str) -> Path:
+        return self.scans.path(self.scans.scene_ids.index(name))
+
+    def _beside(self, name: str, ending: str) -> Path:
+        """Where the boxes of a scan are looked for."""
+        return self.layout.boxes / self._scan(name).relative_to(self.layout.scans).with_suffix(ending)
 
 
 def find_layout(root: Path, split: str, ann_file: str | None = None) -> Layout:

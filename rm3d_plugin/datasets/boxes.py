@@ -31,15 +31,18 @@ def with_strength(cloud: PointCloud, intensity_range: float | None = None) -> Po
     Args:
         cloud: Points of any sensor.
         intensity_range: Strength that reads as 1; None: what :data:`BRIGHTEST` of the scan's own points do not exceed,
-            so that sensors of any scale look alike. Where there is no intensity the strength is the mean of the
-            colours, and without these 0.
+            so that sensors of any scale look alike (where strengths are negative, 0 is as dark as their darkest 2 %).
+            Where there is no intensity the strength is the mean of the colours, and without these 0.
     """
     if cloud.intensity is None:
         grey = np.zeros(len(cloud)) if cloud.colors is None else cloud.colors.mean(axis=1)
         return replace(cloud, intensity=grey)
     strength = np.nan_to_num(cloud.intensity.astype(np.float64), posinf=0.0, neginf=0.0)
-    top = float(np.quantile(strength, BRIGHTEST)) if intensity_range is None and len(strength) else intensity_range
-    return replace(cloud, intensity=np.clip(strength / top, 0.0, 1.0) if top and top > 0 else np.zeros(len(cloud)))
+    low, top = 0.0, intensity_range
+    if top is None:
+        darkest, brightest = np.quantile(strength, (1 - BRIGHTEST, BRIGHTEST)) if len(strength) else (0.0, 0.0)
+        low, top = min(0.0, float(darkest)), float(brightest)
+    return replace(cloud, intensity=np.clip((strength - low) / (top - low), 0.0, 1.0) if top > low else 0.0 * strength)
 
 
 def in_units(cloud: PointCloud, unit: float) -> PointCloud:

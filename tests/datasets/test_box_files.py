@@ -75,6 +75,12 @@ def test_a_scan_without_a_file_is_unlabelled_and_an_empty_file_holds_no_object(t
     with pytest.raises(BoxFileError, match='scene c: nobody labelled it, there is no .*c.txt; an empty file says'):
         data.load_truth(2)
     data.check_scene(2)  # training may use it
+    (tmp_path / 'val.txt').write_text('a\nc\n')
+    with pytest.raises(BoxFileError, match='scene c: nobody labelled it'):  # told before training
+        read(tmp_path, split='val', labels='truth').find_scenes()
+    skipping = read(tmp_path, split='val', labels='truth', bad_scenes='skip')
+    with pytest.warns(UserWarning, match='1 of 2 scenes cannot be used and are left out'):
+        assert skipping.scene_ids == ('a',)
 
 
 def test_scans_far_from_zero_move_with_their_boxes(tmp_path):
@@ -83,6 +89,18 @@ def test_scans_far_from_zero_move_with_their_boxes(tmp_path):
     assert np.abs(cloud.xyz).max() < 100 and np.any(cloud.origin)
     np.testing.assert_allclose(truth.boxes.tensor[0, :3] + cloud.origin, ROW[0, :3] + [500_000, 5_000_000, 100])
     assert (truth.semantic == 0).sum() == 20
+
+
+def test_names_with_dots_and_in_sub_folders(tmp_path):
+    make_world(tmp_path, names=('2024.05.a', 'b'), labelled=('2024.05.a', 'b'))
+    for folder, ending in (('points', 'ply'), ('labels', 'txt')):
+        (tmp_path / folder / 'east').mkdir()
+        (tmp_path / folder / f'b.{ending}').rename(tmp_path / folder / 'east' / f'b.{ending}')
+    data = read(tmp_path)
+    assert (
+        data.scene_ids == ('2024.05.a', 'east_b')
+        and len(data.load_truth(0).boxes) == len(data.load_truth(1).boxes) == 1
+    )
 
 
 def test_the_range_crops_points_and_boxes(tmp_path):
@@ -109,6 +127,8 @@ def test_one_strength_a_point_of_any_sensor():
     xyz = np.zeros((101, 3))
     sixteen = with_strength(PointCloud(xyz, intensity=np.arange(101) * 600.0))
     assert sixteen.intensity.max() == 1 and sixteen.intensity[49] == pytest.approx(0.5)
+    negative = with_strength(PointCloud(xyz, intensity=np.linspace(-2048, 2047, 101)))
+    assert negative.intensity[50] == pytest.approx(0.5, abs=0.01) and negative.intensity[0] == 0
     assert with_strength(PointCloud(xyz, intensity=np.full(101, 0.25)), 0.5).intensity.tolist() == [0.5] * 101
     assert with_strength(PointCloud(xyz, colors=np.full((101, 3), 0.25))).intensity.tolist() == [0.25] * 101
     assert not with_strength(PointCloud(xyz)).intensity.any()
