@@ -16,8 +16,9 @@ from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError, stray_points
 MOST_SCENES = 60  # clouds that the range is measured on, spread over the training scenes
 VOXELS_ACROSS = 10  # voxels across the narrowest class: 16 cm for cars, 6 cm for people
 COARSEST, FINEST = 0.4, 0.02  # m; larger voxels blur the shapes that regions tell apart, smaller ones cost memory
-USUAL = (0.3, 4.0)  # m; narrower side of objects that the settings are made for
-CAR = 1.6  # m; that of a car
+USUAL = (0.4, 6.0)  # m; how far objects stretch (see `stretch`) that the settings are made for
+CAR = 2.5  # m; how far a car does
+LEAST_NEAR = 0.3  # m; votes for small things scatter, too
 OBJECT_GAMMA, NEVER = 0.4, 1.1  # see configs/_base_/kitti.py: classes, background
 
 
@@ -65,15 +66,20 @@ def class_sizes(boxes: Boxes3D, classes: Sequence[str]) -> Float[np.ndarray, 'cl
     return np.where(np.isfinite(sizes), sizes, np.median(boxes.tensor[:, 3:6], axis=0))
 
 
+def stretch(sizes: Float[np.ndarray, 'classes 3']) -> Float[np.ndarray, ' classes']:
+    """How far each class stretches from above: the geometric mean of length and width, metres."""
+    return np.sqrt(sizes[:, 0] * sizes[:, 1])
+
+
 def unit_of(sizes: Float[np.ndarray, 'classes 3']) -> float:
-    """Metres that count as one: 1 for objects of usual size, else so many that they become as wide as cars.
+    """Metres that count as one: 1 for objects of usual size, else so many that they stretch as far as cars.
 
     Losses and settings are in metres, and fit things from chairs to lorries.
 
-    >>> unit_of(np.array([[3.9, 1.6, 1.5], [0.8, 0.6, 1.7]])), unit_of(np.array([[36.0, 8.0, 15.0]]))
-    (1.0, 5.0)
+    >>> unit_of(np.array([[3.9, 1.6, 1.5], [0.8, 0.6, 1.7]])), unit_of(np.array([[36.0, 9.0, 15.0]]))
+    (1.0, 7.2)
     """
-    usual = float(np.exp(np.log(sizes[:, :2].min(axis=1)).mean()))
+    usual = float(np.exp(np.log(stretch(sizes)).mean()))
     return 1.0 if USUAL[0] <= usual <= USUAL[1] else float(f'{usual / CAR:.2g}')
 
 
@@ -84,20 +90,20 @@ def lengths_of(sizes: Float[np.ndarray, 'classes 3']) -> dict[str, Any]:
         sizes: (C, 3) metres.
 
     Returns:
-        By class, from the narrower side from above: ``near``, ``far`` and ``centre_distance``; from the widest class
-        ``radius``; from the narrowest ``voxel_size``, and in voxels what describes and joins points.
+        By class, from how far it stretches: ``near``, ``far`` and ``centre_distance``; from the farthest ``radius``;
+        from the narrowest side ``voxel_size``, and in voxels what describes and joins points.
     """
-    across = sizes[:, :2].min(axis=1)
-    voxel = float(np.clip(across.min() / VOXELS_ACROSS, FINEST, COARSEST))
+    near = np.maximum(0.32 * stretch(sizes), LEAST_NEAR)
+    voxel = float(np.clip(sizes[:, :2].min() / VOXELS_ACROSS, FINEST, COARSEST))
     return {
-        'near': _plain(across / 2),
-        'far': _plain(across),
-        'radius': round(0.75 * float(across.max()), 3),
+        'near': _plain(near),
+        'far': _plain(2 * near),
+        'radius': round(1.5 * float(near.max()), 3),
         'voxel_size': round(voxel, 3),
         'descriptor_radius': round(3 * voxel, 3),
         'max_edge': round(2 * voxel, 3),
         'max_gap': round(6 * voxel, 3),
-        'centre_distance': [*_plain(0.75 * across), None],
+        'centre_distance': [*_plain(1.5 * near), None],
         'class_gamma': [*[OBJECT_GAMMA] * len(sizes), NEVER],
     }
 

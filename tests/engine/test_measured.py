@@ -28,15 +28,15 @@ def test_classes_sizes_range_and_lengths_follow_from_the_data(world, tmp_path):
     options = found.options
     assert (options['classes'], options['num_classes'], options['unit']) == (['boat', 'buoy'], 2, 1.0)
     np.testing.assert_allclose(options['class_sizes'], [[4, 2, 2], [1, 1, 1]])
-    assert options['near'] == [1.0, 0.5] and options['far'] == [2.0, 1.0] and options['radius'] == 1.5
-    assert options['centre_distance'] == [1.5, 0.75, None] and options['class_gamma'] == [0.4, 0.4, 1.1]
+    assert options['near'] == [0.905, 0.32] and options['far'] == [1.81, 0.64] and options['radius'] == 1.358
+    assert options['centre_distance'] == [1.358, 0.48, None] and options['class_gamma'] == [0.4, 0.4, 1.1]
     assert options['voxel_size'] == 0.1
     low, high = options['point_range'][:3], options['point_range'][3:]
     assert min(low) >= -22 and max(high) <= 22
     assert found.lines[0].startswith('Found in the data')
     assert any(line == '  class boat: 4 annotated boxes, median 4 x 2 x 2 m' for line in found.lines)
     resolved = config_of(world, tmp_path, **options)
-    assert resolved.model.num_classes == 2 and resolved.model.vote_head.radius == 1.5
+    assert resolved.model.num_classes == 2 and resolved.model.vote_head.radius == 1.358
     for loader in ('train_dataloader', 'label_dataloader', 'val_dataloader'):
         assert resolved[loader].dataset.classes == ['boat', 'buoy']
         assert resolved[loader].dataset.point_range == options['point_range']
@@ -61,14 +61,15 @@ def test_hidden_boxes_do_not_speak(world, tmp_path):
 
 
 def test_large_and_small_things_get_a_unit():
-    assert unit_of(np.array([[36.0, 8.6, 15.0]])) == 5.4
-    assert unit_of(np.array([[0.02, 0.016, 0.01]])) == 0.01
+    assert unit_of(np.array([[36.0, 8.6, 15.0]])) == 7.0
+    assert unit_of(np.array([[0.02, 0.016, 0.01]])) == 0.0072
     assert unit_of(np.array([[0.6, 0.6, 0.8], [3.9, 1.6, 1.5]])) == 1.0
 
 
 def test_lengths_of_cars_are_those_of_kitti():
     cars = lengths_of(np.array([[3.9, 1.6, 1.56]]))
-    assert (cars['near'], cars['far'], cars['radius'], cars['centre_distance'][0]) == ([0.8], [1.6], 1.2, 1.2)
+    found = [cars['near'][0], cars['far'][0], cars['radius'], cars['centre_distance'][0], cars['voxel_size']]
+    np.testing.assert_allclose(found, [0.8, 1.6, 1.2, 1.2, 0.16], rtol=0.01)
 
 
 def test_without_any_box_it_says_what_to_do(world, tmp_path):
