@@ -12,6 +12,25 @@ from rm3d_plugin.inference.predict_points import PointOptions
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Read the arguments and predict."""
+    args = _parser().parse_args(arguments)
+    options = PointOptions(
+        format=args.format,
+        tta_rotations=args.tta_rotations,
+        flip=args.flip,
+        max_points=args.max_points,
+        chunk_size=args.chunk,
+        unknown_below=args.unknown_below,
+        columns=args.columns,
+        intensity_range=None if args.intensity_range is None else tuple(args.intensity_range),
+        nan_points='drop' if args.drop_nan else 'error',
+        labels=args.labels,
+        fill=args.fill,
+    )
+    for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
+        print(path)
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='rm3d predict', description=__doc__)
     parser.add_argument('checkpoint', help='checkpoint of a training run; its config is inside')
     parser.add_argument(
@@ -59,19 +78,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
     points.add_argument(
         '--fill', choices=['network', 'nearest'], help='with --labels: what names the other points; default nearest'
     )
-    args = parser.parse_args(arguments)
-    options = PointOptions(
-        format=args.format,
-        tta_rotations=args.tta_rotations,
-        flip=args.flip,
-        max_points=args.max_points,
-        chunk_size=args.chunk,
-        unknown_below=args.unknown_below,
-        columns=args.columns,
-        intensity_range=None if args.intensity_range is None else tuple(args.intensity_range),
-        nan_points='drop' if args.drop_nan else 'error',
-        labels=args.labels,
-        fill=args.fill,
-    )
-    for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
-        print(path)
+    return parser

@@ -35,7 +35,7 @@ class Measured(NamedTuple):
 
 
 def measure_boxes(config: Config) -> Measured:
-    """Fill what a detection config leaves None from its training scenes and its annotated boxes, and from no others.
+    """Fill what a detection config leaves None: lengths from its training scenes and annotated boxes, from no others.
 
     Args:
         config: Resolved, with ``measured = 'boxes'``.

@@ -7,7 +7,7 @@ from rm3d_plugin.ops.boxes import rotated_iou_3d
 
 
 def best_assignment(overlap, least):
-    """Pairs (row, column) with the greatest sum of overlaps in thousandths; only pairs that overlap enough."""
+    """Pairs (row, column) with the greatest sum of overlaps in millionths; only pairs that overlap enough."""
     rows, columns = len(overlap), len(overlap[0]) if len(overlap) else 0
     best, chosen = -1, []
     for size in range(min(rows, columns) + 1):
@@ -15,7 +15,7 @@ def best_assignment(overlap, least):
             for order in itertools.permutations(range(columns), size):
                 pairs = list(zip(some, order, strict=True))
                 if all(overlap[r][c] >= least for r, c in pairs):
-                    total = sum(round(1000 * overlap[r][c]) for r, c in pairs)
+                    total = sum(round(1_000_000 * overlap[r][c]) for r, c in pairs)
                     if total > best:
                         best, chosen = total, pairs
     return chosen

@@ -1,7 +1,7 @@
 """Average precision as Waymo's detection benchmark counts it: AP, and APH, which weighs hits by their heading.
 
 What the official program does, and so do we: at each score cutoff the detections of a class are matched to its truths
-so that the sum of the overlaps is greatest (Hungarian, overlaps in thousandths, single precision); a truth of level 2
+so that the sum of the overlaps is greatest (Hungarian, overlaps in millionths, single precision); a truth of level 2
 that is found is a hit at level 1, too, and one that is missed counts at level 2 alone; the curve is integrated by
 trapezoids over the greatest precision at or above each recall, filled in where recalls lie more than .05 apart.
 """
@@ -20,7 +20,7 @@ WAYMO_IOU: Mapping[str, float] = {'Vehicle': 0.7, 'Pedestrian': 0.5, 'Cyclist': 
 LEVELS = (1, 2)
 CUTOFFS: tuple[float, ...] = tuple(i * 0.01 for i in range(100)) + (1.0,)
 RECALL_STEP = 0.05
-_GRAINS = 1000  # of an overlap
+_GRAINS = 1_000_000  # of an overlap
 
 
 class WaymoTruth(NamedTuple):
