@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from mmengine.logging import print_log
@@ -11,17 +11,21 @@ from rm3d_plugin.datasets.waymo_format import TYPES, WaymoBoxes
 from rm3d_plugin.evaluation.functional.waymo_ap import (
     CUTOFFS,
     LEVELS,
+    RANGES,
     WAYMO_IOU,
     WaymoEntry,
     WaymoTruth,
+    of_range,
     waymo_ap,
 )
 from rm3d_plugin.evaluation.indoor_det_metric import boxes_of
 from rm3d_plugin.evaluation.point_fields import class_names, fields_of, format_columns, percent
-from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, share
+from rm3d_plugin.evaluation.records import RecordedMetric, ScoreRecord, Table, share
 from rm3d_plugin.registry import METRICS
 from rm3d_plugin.structures import Boxes3D
 
+Measure = Literal['AP', 'APH']
+MEASURES: tuple[Measure, ...] = ('AP', 'APH')
 _FOUND = ('pred_bboxes_3d', 'pred_labels_3d', 'pred_scores_3d')
 
 
@@ -35,7 +39,7 @@ class WaymoFrameBoxes:
 
 @METRICS.register_module()
 class WaymoMetric(RecordedMetric):
-    """AP and APH of each class at levels 1 and 2, in percent, and their means; see :func:`waymo_ap`.
+    """AP and APH of each class at levels 1 and 2, in percent, their means, and by distance; see :func:`waymo_ap`.
 
     Reads of each sample ``pred_bboxes_3d``, ``pred_labels_3d``, ``pred_scores_3d`` (vehicle frame) and metainfo
     ``annotation``, which the data set hands on with ``labels='truth'``: every box of the frame, whatever range the
@@ -75,15 +79,22 @@ class WaymoMetric(RecordedMetric):
     def score(self, results: list[WaymoFrameBoxes]) -> list[ScoreRecord]:
         """The numbers over all frames; the table goes to the log."""
         names = self.class_names
-        truths = [truth_of(frame.annotation, names) for frame in results]
-        table = waymo_ap(truths, [frame.found for frame in results], names, self.iou_thresholds, self.cutoffs)
+        truths, found = [truth_of(frame.annotation, names) for frame in results], [frame.found for frame in results]
+        table = waymo_ap(truths, found, names, self.iou_thresholds, self.cutoffs)
         print_log('Waymo average precision (%)\n' + format_waymo(table), logger='current')
-        records = [
-            share(f'{e.class_name}_L{e.level}_{what}', value, 'objects', f'L{e.level} {what}', subject=e.class_name)
-            for e in table
-            for what, value in (('AP', e.ap), ('APH', e.aph))
-        ]
-        return records + [_mean(table, level, what) for level in LEVELS for what in ('AP', 'APH')]
+        records = [_record(entry, what) for entry in table for what in MEASURES]
+        records += [_mean(table, level, what) for level in LEVELS for what in MEASURES]
+        for name, limits in RANGES.items():
+            part = waymo_ap(*of_range(truths, found, limits), names, self.iou_thresholds, self.cutoffs)
+            records += [_record(entry, what, name) for entry in part for what in MEASURES]
+        return records
+
+
+def _record(entry: WaymoEntry, what: Measure, distance: str = '') -> ScoreRecord:
+    value = entry.ap if what == 'AP' else entry.aph
+    key = f'{entry.class_name}_L{entry.level}_{what}' + f' {distance}' * bool(distance)
+    table: Table = 'ranges' if distance else 'objects'
+    return share(key, value, table, f'L{entry.level} {what}', subject=entry.class_name, variant=distance)
 
 
 def truth_of(annotation: WaymoBoxes, names: Sequence[str]) -> WaymoTruth:
@@ -94,7 +105,7 @@ def truth_of(annotation: WaymoBoxes, names: Sequence[str]) -> WaymoTruth:
     return WaymoTruth(annotation.boxes[kept], labels[kept], annotation.level[kept])
 
 
-def _mean(table: Sequence[WaymoEntry], level: int, what: str) -> ScoreRecord:
+def _mean(table: Sequence[WaymoEntry], level: int, what: Measure) -> ScoreRecord:
     values = [entry.ap if what == 'AP' else entry.aph for entry in table if entry.level == level and entry.num_truth]
     headline = 'L2 mAPH' if (level, what) == (2, 'APH') else ''
     mean = float(np.mean(values)) if values else 0.0

@@ -119,6 +119,22 @@ def test_the_metric_passes_over_signs_and_boxes_without_a_point():
     assert [record.headline for record in metric.records if record.headline] == ['L2 mAPH']
 
 
+def test_scores_by_distance_split_both_sides_by_their_own_place():
+    boxes = cars(10, 29, 40, 60)
+    annotation = WaymoBoxes(boxes, np.array([1, 1, 1, 1]), np.array([50] * 4), np.array([1] * 4))
+    evaluator = Evaluator([METRICS.build({'type': 'WaymoMetric', 'classes': ['Vehicle']})])
+    shifted = (
+        boxes + np.array([[0.0], [2.0], [0.0], [30.0]]) * np.eye(7)[0]
+    )  # the second leaves its range, the last is wrong
+    evaluator.process([sample(annotation, shifted, [0] * 4, [0.9] * 4)], None)
+    got = evaluator.evaluate(1)
+    assert got['Vehicle_L1_AP 0-30 m'] == pytest.approx(50, abs=1e-3)  # one of two, nothing false
+    assert got['Vehicle_L1_AP 30-50 m'] == pytest.approx(50, abs=1e-3)  # found, and one false
+    assert got['Vehicle_L2_APH 50 m+'] == 0
+    (metric,) = evaluator.metrics
+    assert {record.table for record in metric.records} == {'objects', 'ranges'}
+
+
 def test_errors():
     with pytest.raises(ValueError, match='1 frames of truth, 0 of detections'):
         waymo_ap([truth(cars(0))], [], ['Vehicle'])

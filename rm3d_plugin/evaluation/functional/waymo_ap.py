@@ -20,6 +20,7 @@ WAYMO_IOU: Mapping[str, float] = {'Vehicle': 0.7, 'Pedestrian': 0.5, 'Cyclist': 
 LEVELS = (1, 2)
 CUTOFFS: tuple[float, ...] = tuple(i * 0.01 for i in range(100)) + (1.0,)
 RECALL_STEP = 0.05
+RANGES: Mapping[str, tuple[float, float]] = {'0-30 m': (0.0, 30.0), '30-50 m': (30.0, 50.0), '50 m+': (50.0, np.inf)}
 _GRAINS = 1_000_000  # of an overlap
 
 
@@ -118,6 +119,20 @@ def waymo_ap(
             ap, aph = _areas(counts, i) if total else (np.nan, np.nan)
             table.append(WaymoEntry(name, level, ap, aph, total))
     return tuple(table)
+
+
+def of_range(
+    truths: Sequence[WaymoTruth], detections: Sequence[Boxes3D], limits: tuple[float, float]
+) -> tuple[list[WaymoTruth], list[Boxes3D]]:
+    """Truths and detections whose middles lie so far from the vehicle's origin, metres; each side by its own place."""
+
+    def inside(boxes: Float[np.ndarray, 'boxes 7']) -> np.ndarray:
+        away = np.linalg.norm(boxes[:, :3], axis=1)
+        return (away >= limits[0]) & (away < limits[1])
+
+    kept = [inside(truth.boxes) for truth in truths]
+    some = [WaymoTruth(*(values[keep] for values in truth)) for truth, keep in zip(truths, kept, strict=True)]
+    return some, [boxes.select(inside(boxes.tensor)) for boxes in detections]
 
 
 def _count(
