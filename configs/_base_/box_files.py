@@ -18,13 +18,23 @@ heights = None  # m
 near = None  # m
 far = None  # m
 radius = None  # m
+heading_bins = None  # 1 where no annotated box is turned, else 12
+box_kind = None  # of pseudo boxes: axis_aligned likewise, else completed
 voxel_size = None  # m
 paste_objects = 8  # annotated objects of other scans copied into each training scan
-train_pipeline = [
+train_pipeline = None  # the one or the other: whether any annotated box is turned
+turning_pipeline = [
     dict(type='LabelledObjectPaste', max_objects='${paste_objects}', places=dict(bearing=[-3.1416, 3.1416])),
     dict(type='DropGround'),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='GlobalRotScale', rot=[-0.785, 0.785], scale=[0.95, 1.05]),
+    dict(type='AugmentedView'),
+    dict(type='PackScene'),
+]
+aligned_pipeline = [  # nothing is turned: boxes stand along the axes
+    dict(type='DropGround'),
+    dict(type='RandomFlipY', prob=0.5),
+    dict(type='GlobalRotScale', rot=[0.0, 0.0], scale=[0.9, 1.1]),
     dict(type='AugmentedView'),
     dict(type='PackScene'),
 ]
@@ -41,9 +51,11 @@ label_dataloader = dict(dataset=dict(ann_file='${train_list}', **reading))
 val_dataloader = dict(dataset=dict(ann_file='${val_list}', **reading))
 del reading
 val_evaluator = [dict(type='IndoorDetMetric', classes='${classes}')]
-model = dict(vote_head=dict(radius='${radius}'))
+model = dict(vote_head=dict(radius='${radius}', heading_bins='${heading_bins}'))
 
 descriptor_radius = None  # m
+heading_bins = None  # 1 where no annotated box is turned, else 12
+box_kind = None  # of pseudo boxes: axis_aligned likewise, else completed
 max_edge = None  # m at the sensor
 max_gap = None  # m between adjacent regions
 centre_distance = None  # m
@@ -59,7 +71,13 @@ oversegmenter = dict(
     ground=dict(),  # taken away before growing
 )
 merge = dict(rounds='${label_refreshes}', centre_distance='${centre_distance}')
-objects = dict(gamma=0.4, class_gamma='${class_gamma}', support_iou=0.2, top_fraction=[0.4, 0.45, 0.5, 0.5])
+objects = dict(
+    gamma=0.4,
+    box='${box_kind}',
+    class_gamma='${class_gamma}',
+    support_iou=0.2,
+    top_fraction=[0.4, 0.45, 0.5, 0.5],
+)
 
 # The network of the demos and a schedule for some dozen to some hundred scans.
 widths = [16, 32, 48, 64]

@@ -18,6 +18,7 @@ VOXELS_ACROSS = 10  # voxels across the narrowest class: 16 cm for cars, 6 cm fo
 COARSEST, FINEST = 0.4, 0.02  # m; larger voxels blur the shapes that regions tell apart, smaller ones cost memory
 USUAL = (0.4, 6.0)  # m; how far objects stretch (see `stretch`) that the settings are made for
 CAR = 2.5  # m; how far a car does
+STRAIGHT = 1e-3  # radians
 LEAST_NEAR = 0.3  # m; votes for small things scatter, too
 OBJECT_GAMMA, NEVER = 0.4, 1.1  # see configs/_base_/kitti.py: classes, background
 
@@ -55,7 +56,7 @@ def measure_boxes(config: Config) -> Measured:
     space = point_space(source, unit)
     found = {'classes': list(source.classes), 'num_classes': len(source.classes), 'unit': unit}
     found |= {'class_sizes': _plain(sizes / unit), 'point_range': space.limits, 'heights': space.heights}
-    found |= lengths_of(sizes / unit)
+    found |= lengths_of(sizes / unit) | turns_of(shown)
     open_keys = {key: value for key, value in found.items() if key in config and config[key] is None}
     return Measured(open_keys, list(_lines(source, shown, open_keys)))
 
@@ -106,6 +107,13 @@ def lengths_of(sizes: Float[np.ndarray, 'classes 3']) -> dict[str, Any]:
         'centre_distance': [*_plain(1.5 * near), None],
         'class_gamma': [*[OBJECT_GAMMA] * len(sizes), NEVER],
     }
+
+
+def turns_of(boxes: Boxes3D) -> dict[str, Any]:
+    """Whether boxes turn: where no annotated one does, headings are not learnt and scans are not turned."""
+    if (np.abs(boxes.tensor[:, 6]) < STRAIGHT).all():
+        return {'heading_bins': 1, 'box_kind': 'axis_aligned', 'train_pipeline': '${aligned_pipeline}'}
+    return {'heading_bins': 12, 'box_kind': 'completed', 'train_pipeline': '${turning_pipeline}'}
 
 
 class Space(NamedTuple):

@@ -60,6 +60,20 @@ def test_hidden_boxes_do_not_speak(world, tmp_path):
     assert measure_boxes(config_of(world, tmp_path, **options)).options == before
 
 
+def test_boxes_that_never_turn_are_learnt_along_the_axes(world, tmp_path):
+    turning = config_of(world, tmp_path, **measure_boxes(config_of(world, tmp_path)).options)
+    assert turning.model.vote_head.heading_bins == 12
+    assert turning.train_dataloader.dataset.pipeline[0].type == 'LabelledObjectPaste'
+    for path in (world / 'labels').glob('*.txt'):
+        path.write_text(path.read_text().replace('0.300000 boat', '0.000000 boat'))
+    aligned = config_of(world, tmp_path, **measure_boxes(config_of(world, tmp_path)).options)
+    assert aligned.model.vote_head.heading_bins == 1
+    (hook,) = [hook for hook in aligned.custom_hooks if hook.type == 'RegionMergeHook']
+    assert hook.label_maker.objects.box == 'axis_aligned'
+    (turned,) = [step for step in aligned.train_dataloader.dataset.pipeline if step.type == 'GlobalRotScale']
+    assert turned.rot == [0, 0]
+
+
 def test_large_and_small_things_get_a_unit():
     assert unit_of(np.array([[36.0, 8.6, 15.0]])) == 7.0
     assert unit_of(np.array([[0.02, 0.016, 0.01]])) == 0.0072
