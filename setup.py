@@ -50,10 +50,12 @@ setup(
             'import-linter>=2.1',
             'dask[distributed]>=2024.8',  # preparation on a cluster
             'playwright>=1.45',  # the page of annotate in a browser, where there is one
+            'pyarrow>=17',  # as the extra waymo
         ],
         'docs': ['mkdocs-material>=9.5'],
         'superpoints': ['cut-pursuit-py>=1.0.12'],  # solver of the over-segmenter CutPursuit (MIT)
         'annotate': ['viser>=1.1,<2'],  # the page on which scans are labelled
+        'waymo': ['pyarrow>=17'],  # Waymo's parquet files
         'las': ['laspy[lazrs]>=2.5'],  # LAS and LAZ scans
         'e57': ['pye57>=0.4.11'],  # E57 scans
         'peers': ['open3d-cpu==0.20.0'],  # only compared with, in tests and benchmarks; needs libusb and libGL

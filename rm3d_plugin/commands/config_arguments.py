@@ -38,7 +38,7 @@ def check_config(args: argparse.Namespace) -> None:
 
 
 def config_of(args: argparse.Namespace) -> Config:
-    """Read the config that the arguments name, and make the demo data if they ask for a demo.
+    """The config that the arguments name; demo data are made for a demo, and what it leaves to the data is measured.
 
     Raises:
         ConfigError: No such config, a bad reference, or an option for a key that the config does not have.
@@ -55,7 +55,20 @@ def config_of(args: argparse.Namespace) -> Config:
     if args.demo:
         _make_demo_data(config)
         barrier()
-    return config
+    return _measured(config, args) if config.get('measured') else config
+
+
+def _measured(config: Config, args: argparse.Namespace) -> Config:
+    """The config with what it leaves to the data."""
+    from mmengine.dist import is_main_process
+
+    import rm3d_plugin.datasets  # noqa: F401  (registers them)
+    from rm3d_plugin.engine.measured import measure_boxes
+
+    found = measure_boxes(config)
+    if is_main_process():
+        print('\n'.join(found.lines))
+    return load_config(args.config, args.work_dir, args.demo, {**found.options, **args.cfg_options})
 
 
 def _make_demo_data(config: Config) -> None:

@@ -22,6 +22,13 @@ budgets of points:
   NAME_no_instances  as NAME, but instance numbers stay hidden
   clicks=FILE, point_list=FILE, scene_list=FILE   what a person clicked, or others drew
 
+budgets of boxes:
+  1pct, 0p5pct, 3pct   two boxes per ten scenes, one per ten, 3 % of the boxes
+  onebox           one object in each scene; onebox_scenes10pct, 2pct: in a tenth of the scenes
+  scenes10pct      10 % of the scenes, labelled completely (any number)
+  full             everything
+  NAME_alike       as NAME, but classes take turns
+
 examples:
   rm3d draw_labels configs/CONFIG.py --demo --out work_dirs/labels
   rm3d draw_labels --dataset ScanNetDataset --dataset-options data_root=data/scannet --budget 20pts --out labels

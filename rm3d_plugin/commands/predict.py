@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rm3d_plugin.commands.numbers import ANY, METRES, SHARE, whole
+from rm3d_plugin.datasets.box_formats import BOX_FORMATS
 from rm3d_plugin.inference.predict import predict_files
 from rm3d_plugin.inference.predict_formats import FORMATS
 from rm3d_plugin.inference.predict_points import PointOptions
@@ -13,54 +14,7 @@ from rm3d_plugin.storage.columns import ENDINGS
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Read the arguments and predict."""
-    parser = argparse.ArgumentParser(prog='rm3d predict', description=__doc__)
-    parser.add_argument('checkpoint', help='checkpoint of a training run; its config is inside')
-    parser.add_argument(
-        'scans',
-        nargs='+',
-        type=Path,
-        help=f'scans, or folders of them; detector: .bin, segmentor: {" ".join(ENDINGS)}',
-    )
-    parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
-    parser.add_argument(
-        '--min-score', type=SHARE, help='leave out boxes and instances that score lower; default 0.1 for boxes, else 0'
-    )
-    parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...; default cpu')
-    points = parser.add_argument_group('classes of points')
-    points.add_argument('--format', choices=list(FORMATS), default='ply', help='what is written; default ply')
-    points.add_argument(
-        '--tta-rotations', type=whole(), help='average over so many directions about z; default: as in the run'
-    )
-    points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
-    points.add_argument('--chunk', type=METRES, metavar='METRES', help='predict in chunks of this edge')
-    points.add_argument(
-        '--max-points', type=whole(), help='predict in chunks of at most so many points; default 1000000'
-    )
-    points.add_argument(
-        '--unknown-below', type=SHARE, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
-    )
-    points.add_argument(
-        '--paint', action='store_true', help="colours show the classes; default: the scan's own, where it has some"
-    )
-    points.add_argument(
-        '--classify', action='store_true', help='LAS: classification holds the classes, and not the field label alone'
-    )
-    points.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
-    points.add_argument(
-        '--drop-nan', action='store_true', help='leave out points whose place is NaN, as organised PCD has them'
-    )
-    points.add_argument(
-        '--intensity-range', type=ANY, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
-    )
-    points.add_argument(
-        '--labels',
-        type=Path,
-        metavar='WORK_DIR/labels',
-        help="of the checkpoint's own run, for scans that it learnt from: points with a label there keep it",
-    )
-    points.add_argument(
-        '--fill', choices=['network', 'nearest'], help='with --labels: what names the other points; default nearest'
-    )
+    parser = _parser()
     args = parser.parse_args(arguments)
     if args.intensity_range is not None and not args.intensity_range[0] < args.intensity_range[1]:
         parser.error(f'argument --intensity-range: expected LOW below HIGH, got {args.intensity_range}')
@@ -81,3 +35,60 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     for path in predict_files(args.checkpoint, args.scans, args.out, args.min_score, args.device, options):
         print(path)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='rm3d predict', description=__doc__)
+    parser.add_argument('checkpoint', help='checkpoint of a training run; its config is inside')
+    parser.add_argument(
+        'scans',
+        nargs='+',
+        type=Path,
+        help=f'scans, or folders of them: {" ".join(ENDINGS)}',
+    )
+    parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
+    parser.add_argument(
+        '--min-score', type=SHARE, help='leave out boxes and instances that score lower; default 0.1 for boxes, else 0'
+    )
+    parser.add_argument('--device', default='cpu', help='cpu, cuda, cuda:1 ...; default cpu')
+    parser.add_argument(
+        '--format',
+        choices=[*FORMATS, *BOX_FORMATS],
+        default='ply',
+        metavar='FORMAT',
+        help=f'what is written: of points {", ".join(FORMATS)} (default ply), of boxes {", ".join(BOX_FORMATS)} '
+        '(default json, and kitti where ../calib/NAME.txt is found)',
+    )
+    parser.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
+    parser.add_argument(
+        '--drop-nan', action='store_true', help='leave out points whose place is NaN, as organised PCD has them'
+    )
+    parser.add_argument(
+        '--intensity-range', type=ANY, nargs=2, metavar=('LOW', 'HIGH'), help='of the sensor: 0 65535, say'
+    )
+    points = parser.add_argument_group('classes of points')
+    points.add_argument(
+        '--tta-rotations', type=whole(), help='average over so many directions about z; default: as in the run'
+    )
+    points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
+    points.add_argument('--chunk', type=METRES, metavar='METRES', help='predict in chunks of this edge')
+    points.add_argument('--max-points', type=whole(), help='predict in chunks of at most so many points; default 1000000')
+    points.add_argument(
+        '--unknown-below', type=SHARE, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
+    )
+    points.add_argument(
+        '--paint', action='store_true', help="colours show the classes; default: the scan's own, where it has some"
+    )
+    points.add_argument(
+        '--classify', action='store_true', help='LAS: classification holds the classes, and not the field label alone'
+    )
+    points.add_argument(
+        '--labels',
+        type=Path,
+        metavar='WORK_DIR/labels',
+        help="of the checkpoint's own run, for scans that it learnt from: points with a label there keep it",
+    )
+    points.add_argument(
+        '--fill', choices=['network', 'nearest'], help='with --labels: what names the other points; default nearest'
+    )
+    return parser

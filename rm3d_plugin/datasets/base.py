@@ -139,6 +139,10 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             SceneError: There is none, or it cannot be used.
         """
 
+    def is_labelled(self, index: int) -> bool:
+        """Whether a person labelled the scene at all; of others :meth:`load_truth` knows nothing."""
+        return True
+
     def annotation(self, index: int) -> Any:
         """What the metric needs beyond boxes; handed on as metainfo ``annotation`` with labels='truth'."""
         return None

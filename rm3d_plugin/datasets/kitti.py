@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from rm3d_plugin.datasets.base import (
     BadScenes,
@@ -16,6 +15,7 @@ from rm3d_plugin.datasets.base import (
     check_choice,
     not_found,
 )
+from rm3d_plugin.datasets.boxes import checked_range, within
 from rm3d_plugin.datasets.kitti_format import (
     KittiCalib,
     KittiObject,
@@ -97,9 +97,7 @@ class KittiDataset(SceneDataset):
                 f"labels='truth' is for split 'val', where metrics need it, got {split!r}; "
                 "training reads labels='store', prediction needs labels='none'"
             )
-        self.point_range = np.asarray(point_range, dtype=np.float64)
-        if self.point_range.shape != (6,) or not (self.point_range[:3] < self.point_range[3:]).all():
-            raise ValueError(f'point_range: expected (x, y, z, x, y, z), least then greatest, got {point_range}')
+        self.point_range = checked_range(point_range)
         self.data_root = Path(data_root)
         self.split = split
         self.folder = self.data_root / ('testing' if split == 'test' else 'training')
@@ -142,7 +140,7 @@ class KittiDataset(SceneDataset):
         path = folder / f'{scene_id}.bin'
         points = read_velodyne(path)
         check_points(points, path)
-        kept = points[_within(points, self.point_range, axes=3)]
+        kept = points[within(points, self.point_range, axes=3)]
         if self.fov_only:
             kept = kept[in_camera_view(kept, self._calib(scene_id), self._image_size(scene_id))]
         if len(kept) == 0:
@@ -197,7 +195,7 @@ class KittiDataset(SceneDataset):
         return self.annotations(index)
 
     def _in_range(self, boxes: Boxes3D) -> Boxes3D:
-        return boxes.select(_within(boxes.tensor, self.point_range, axes=2))
+        return boxes.select(within(boxes.tensor, self.point_range, axes=2))
 
     def _label_file(self, scene_id: str) -> Path:
         return self.folder / 'label_2' / f'{scene_id}.txt'
@@ -207,13 +205,3 @@ class KittiDataset(SceneDataset):
 
     def _image_size(self, scene_id: str) -> tuple[int, int]:
         return read_image_size(self.folder / 'image_2' / f'{scene_id}.png')
-
-
-def _within(
-    rows: Float[np.ndarray, 'rows columns'], limits: Float[np.ndarray, '6'], axes: int
-) -> Bool[np.ndarray, ' rows']:
-    """True where the first ``axes`` coordinates lie in [least, greatest); by columns, since short rows are slow."""
-    inside = np.ones(len(rows), dtype=bool)
-    for axis in range(axes):
-        inside &= (rows[:, axis] >= limits[axis]) & (rows[:, axis] < limits[axis + 3])
-    return inside

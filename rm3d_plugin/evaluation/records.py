@@ -8,7 +8,9 @@ from typing import Any, Literal, final
 
 from mmengine.evaluator import BaseMetric, Evaluator
 
-Table = Literal['points', 'instances', 'segments', 'boxes', 'pseudo labels', 'regions', 'agreement']
+Table = Literal[
+    'points', 'instances', 'segments', 'objects', 'ranges', 'boxes', 'pseudo labels', 'regions', 'agreement'
+]
 Level = Literal['', 'easy', 'moderate', 'hard']
 
 
@@ -19,7 +21,8 @@ class ScoreRecord:
     Attributes:
         key: Name among the flat scores of ``metrics.json``.
         value: In ``unit``; None where there was nothing to score, and then it is not among the flat scores.
-        table: What is scored.
+        table: What is scored; 'boxes' by difficulty as KITTI, 'objects' boxes by class alone, 'ranges' by
+            distance (among the flat scores only).
         measure: Which number of it: 'IoU', 'AP50', '3d AP R40'.
         subject: Name of the class; '' = of all together.
         variant: Which thresholds, where there are several: '@ 0.70', 'loose'.

@@ -5,14 +5,14 @@ from pathlib import Path
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.outputs import check_folder, check_targets
-from rm3d_plugin.inference.predict_boxes import Detector, calib_beside, predict_boxes
+from rm3d_plugin.inference.predict_boxes import BoxOptions, Detector, box_targets, calib_beside, predict_boxes
 from rm3d_plugin.inference.predict_formats import main_file, output_name
 from rm3d_plugin.inference.predict_points import PointOptions, Segmenter, predict_points
 from rm3d_plugin.inference.trained import load_network
 from rm3d_plugin.models.segmentors import RM3DSegmentor
 from rm3d_plugin.storage.columns import ENDINGS
 
-BOX_ENDINGS = ('.bin',)
+OF_BOTH = ('format', 'columns', 'intensity_range', 'nan_points')  # options of points that boxes have, too
 
 
 def predict_files(
@@ -27,12 +27,11 @@ def predict_files(
 
     Args:
         checkpoint: Of a training run.
-        scans: Files, or folders of them: ``.bin`` for a detector, every kind that
-            :func:`rm3d_plugin.storage.scans.read_scan` reads for a segmentor.
+        scans: Files of every kind that :func:`rm3d_plugin.storage.scans.read_scan` reads, or folders of them.
         out: Folder for what is written.
         min_score: Boxes and instances that score lower are left out; None: 0.1 for boxes, 0 for instances.
         device: cpu, cuda, cuda:1 ...
-        options: Of a segmentor.
+        options: Of a segmentor; what a detector has of them, it takes from there.
 
     Yields:
         Each file when it is written.
@@ -49,15 +48,21 @@ def predict_files(
         check_targets([out / main_file(scan, options.format) for scan in files], [*files, Path(checkpoint)], out)
         yield from predict_points(Segmenter.from_network(network, options), files, out, min_score or 0.0)
         return
-    if options is not None and (given := options.given()):
-        raise ConfigError(f'{checkpoint} finds boxes; {", ".join(given)} is for networks that classify points')
-    files = find_scans(scans, BOX_ENDINGS)
+    boxes = _box_options(checkpoint, options)
+    files = find_scans(scans, ENDINGS)
     check_names(files, [scan.stem for scan in files])
     calibrations = [found for scan in files if (found := calib_beside(scan)) is not None]
-    targets = [out / f'{scan.stem}{ending}' for scan in files for ending in ('.json', '.txt')]
+    targets = [target for scan in files for target in box_targets(scan, out, boxes)]
     check_targets(targets, [*files, *calibrations, Path(checkpoint)], out)
     least = 0.1 if min_score is None else min_score
-    yield from predict_boxes(Detector.from_network(network), files, out, least)
+    yield from predict_boxes(Detector.from_network(network), files, out, least, boxes)
+
+
+def _box_options(checkpoint: str | Path, options: PointOptions | None) -> BoxOptions:
+    given = [] if options is None else options.given()
+    if strange := [name for name in given if name not in OF_BOTH]:
+        raise ConfigError(f'{checkpoint} finds boxes; {", ".join(strange)} is for networks that classify points')
+    return BoxOptions(**{name: getattr(options, name) for name in given})
 
 
 def find_scans(paths: Sequence[Path], endings: Sequence[str]) -> list[Path]:

@@ -8,8 +8,9 @@ from rm3d_plugin.label_budgets.audit import (
     scramble_hidden_points,
 )
 from rm3d_plugin.label_budgets.base import BudgetError
+from rm3d_plugin.label_budgets.box_amount import BOX_BUDGETS, BoxAmount, box_amount
 from rm3d_plugin.label_budgets.box_files import load_box_budget, save_box_budget
-from rm3d_plugin.label_budgets.boxes import BOX_BUDGETS, BoxAmount, BoxBudget, count_points, draw_box_budget
+from rm3d_plugin.label_budgets.boxes import BoxBudget, count_points, draw_box_budget
 from rm3d_plugin.label_budgets.clicks import budget_from_clicks, clicks_of
 from rm3d_plugin.label_budgets.point_amount import PointAmount, point_amount
 from rm3d_plugin.label_budgets.point_files import load_point_budget, save_point_budget
@@ -25,6 +26,7 @@ __all__ = [
     'PointBudget',
     'AnnotatedPoints',
     'SceneSize',
+    'box_amount',
     'budget_from_clicks',
     'clicks_of',
     'count_points',

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from rm3d_plugin.label_budgets.base import by_number, read_budget, write_budget
-from rm3d_plugin.label_budgets.boxes import FORMAT_VERSION, BoxAmount, BoxBudget
+from rm3d_plugin.label_budgets.box_amount import BoxAmount
+from rm3d_plugin.label_budgets.boxes import FORMAT_VERSION, BoxBudget
 
 
 def save_box_budget(path: str | Path, budget: BoxBudget) -> None:
@@ -31,5 +32,6 @@ def _from_content(content: Mapping[str, Any]) -> tuple[BoxBudget, str]:
         annotated_per_class=by_number(content['annotated_per_class']),
         total_per_class=by_number(content['total_per_class']),
         boxes_per_scene=content['boxes_per_scene'],
+        complete_scenes=tuple(content.get('complete_scenes', ())),
     )
     return budget, budget.hash

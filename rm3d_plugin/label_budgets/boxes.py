@@ -1,6 +1,6 @@
 """Drawing which boxes are annotated to training (METHOD 8): once, by seed, stored with a hash."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,52 +8,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.label_budgets.base import BudgetError, by_text, class_counts, class_lines
+from rm3d_plugin.label_budgets.box_amount import BoxAmount, box_amount
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.storage.files import content_key
 
 FORMAT_VERSION = 1
-
-
-@dataclass(frozen=True)
-class BoxAmount:
-    """How many boxes are annotated: exactly one of the two.
-
-    Attributes:
-        per_scene: Boxes for each scene on average (0.2 = two per ten scenes).
-        fraction: Share of all boxes in (0, 1]; 1 shows everything, and scenes then count as completely labelled.
-        alike: Classes take turns, so that each has as many annotated boxes as another while it has usable ones, as a
-            person would choose who labels a few; False: frequent classes are drawn more often.
-    """
-
-    per_scene: float | None = None
-    fraction: float | None = None
-    alike: bool = False
-
-    def __post_init__(self) -> None:
-        if (self.per_scene is None) == (self.fraction is None):
-            raise ValueError(f'BoxAmount: expected per_scene or fraction, got {self}')
-        if self.per_scene is not None and not 0 < self.per_scene < np.inf:
-            raise ValueError(f'BoxAmount.per_scene: expected a number above 0, got {self.per_scene}')
-        if self.fraction is not None and not 0 < self.fraction <= 1:
-            raise ValueError(f'BoxAmount.fraction: expected a share in (0, 1], got {self.fraction}')
-
-    @property
-    def everything(self) -> bool:
-        """True where nothing stays hidden."""
-        return self.fraction == 1
-
-    def count(self, scenes: int, boxes: int) -> int:
-        """Boxes to show, at least one."""
-        wanted = self.per_scene * scenes if self.per_scene is not None else (self.fraction or 0.0) * boxes
-        return max(1, round(wanted))
-
-
-BOX_BUDGETS = {  # METHOD 8: two boxes per ten scenes are called 1 %, one per ten 0.5 %
-    '1pct': BoxAmount(per_scene=0.2),
-    '0p5pct': BoxAmount(per_scene=0.1),
-    '3pct': BoxAmount(fraction=0.03),
-    'full': BoxAmount(fraction=1.0),
-}
 
 
 @dataclass(frozen=True)
@@ -63,6 +22,7 @@ class BoxBudget:
     Attributes:
         annotated: Scene -> rows of its truth's boxes, ascending; every scene has an entry.
         complete: True where every box of every scene is annotated, so that what has none is background.
+        complete_scenes: Scenes of which that is so, where it is not so of all.
         seed: The seed it was drawn with.
         amount: How much was asked for.
         annotated_per_class: Class number -> annotated boxes.
@@ -78,10 +38,15 @@ class BoxBudget:
     annotated_per_class: Mapping[int, int]
     total_per_class: Mapping[int, int]
     boxes_per_scene: Mapping[str, int]
+    complete_scenes: tuple[str, ...] = ()
     hash: str = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, 'hash', content_key('BoxBudget', FORMAT_VERSION, self.to_plain()))
+
+    def is_complete(self, scene_id: str) -> bool:
+        """Whether what has no box in a scene is background."""
+        return self.complete or scene_id in self.complete_scenes
 
     def rows(self, scene_id: str, boxes: int) -> tuple[int, ...]:
         """Annotated rows of a scene that has ``boxes`` boxes.
@@ -102,10 +67,11 @@ class BoxBudget:
 
     def to_plain(self) -> dict[str, Any]:
         """Everything but the hash as plain JSON values."""
-        return {
+        some = {'complete_scenes': sorted(self.complete_scenes)} if self.complete_scenes else {}
+        return some | {
             'seed': self.seed,
             'complete': self.complete,
-            'amount': _plain_amount(self.amount),
+            'amount': self.amount.to_plain(),
             'annotated_per_class': by_text(self.annotated_per_class),
             'total_per_class': by_text(self.total_per_class),
             'boxes_per_scene': dict(self.boxes_per_scene),
@@ -139,6 +105,7 @@ def draw_box_budget(
     seed: int,
     lidar_points: Mapping[str, Int[np.ndarray, ' _boxes']] | None = None,
     min_points: int = 5,
+    unlabelled: Collection[str] = (),
 ) -> BoxBudget:
     """Draw the boxes that training may see (METHOD 8).
 
@@ -149,10 +116,11 @@ def draw_box_budget(
 
     Args:
         labels_per_scene: Scene -> class number of each box, in the order of the scene's truth.
-        amount: How many, or a name of BOX_BUDGETS.
+        amount: How many, or a name that :func:`~rm3d_plugin.label_budgets.box_amount.box_amount` knows.
         seed: Chooses the draw.
         lidar_points: Scene -> points in each box; needed for ``min_points`` to matter.
         min_points: Boxes with fewer points are usable only where everything is annotated.
+        unlabelled: Scenes of which nobody knows the boxes; none is drawn there, and they are never complete.
 
     Returns:
         The budget; fewer boxes than asked for where fewer are usable.
@@ -161,28 +129,58 @@ def draw_box_budget(
         BudgetError: There is no usable box, or lidar_points does not fit the boxes.
     """
     if isinstance(amount, str):
-        amount = _named(amount)
+        amount = box_amount(amount)
     scenes = sorted(labels_per_scene)
     labels = {name: np.asarray(labels_per_scene[name], dtype=np.int64).reshape(-1) for name in scenes}
+    known = {name: rows for name, rows in labels.items() if name not in unlabelled}
+    chosen: dict[str, tuple[int, ...]] = dict.fromkeys(scenes, ())
+    complete: tuple[str, ...] = ()
     if amount.everything:
-        chosen = {name: tuple(range(len(labels[name]))) for name in scenes}
+        complete = _drawn_scenes(list(known), amount.scenes, seed)
+        chosen |= {name: tuple(range(len(labels[name]))) for name in complete}
     else:
-        scene_of, row_of, class_of = _usable(labels, lidar_points, min_points)
-        count = amount.count(len(scenes), sum(len(rows) for rows in labels.values()))
-        order = np.random.default_rng(seed).permutation(len(class_of))
-        pick = _pick_alike if amount.alike else _pick
-        picked = order[pick(scene_of[order], class_of[order], count)]
-        chosen = {name: tuple(sorted(row_of[picked[scene_of[picked] == i]].tolist())) for i, name in enumerate(scenes)}
-    annotated = [labels[name][list(chosen[name])] for name in scenes]
+        chosen |= _drawn_boxes(known, amount, seed, lidar_points, min_points)
+    whole = len(complete) == len(scenes)
     return BoxBudget(
         annotated=chosen,
-        complete=amount.everything,
+        complete=whole,
         seed=seed,
         amount=amount,
-        annotated_per_class=class_counts(annotated),
+        annotated_per_class=class_counts([labels[name][list(chosen[name])] for name in scenes]),
         total_per_class=class_counts(list(labels.values())),
         boxes_per_scene={name: len(labels[name]) for name in scenes},
+        complete_scenes=() if whole else complete,
     )
+
+
+def _drawn_boxes(
+    labels: Mapping[str, np.ndarray],
+    amount: BoxAmount,
+    seed: int,
+    lidar_points: Mapping[str, np.ndarray] | None,
+    min_points: int,
+) -> dict[str, tuple[int, ...]]:
+    """Rows of each scene that are annotated, where some stay hidden."""
+    usable = _usable(labels, lidar_points, min_points)
+    names = list(labels)
+    holding = names if amount.scenes == 1 else [names[i] for i in np.unique(usable[0])]
+    drawn = _drawn_scenes(holding, amount.scenes, seed)
+    usable = usable[:, np.isin(usable[0], [names.index(name) for name in drawn])]
+    count = amount.count(len(drawn), sum(len(labels[name]) for name in drawn))
+    scene_of, row_of, class_of = usable
+    order = np.random.default_rng(seed).permutation(len(class_of))
+    pick = _pick_alike if amount.alike else _pick
+    picked = order[pick(scene_of[order], class_of[order], count, amount.each)]
+    return {name: tuple(sorted(row_of[picked[scene_of[picked] == i]].tolist())) for i, name in enumerate(names)}
+
+
+def _drawn_scenes(names: Sequence[str], share: float, seed: int) -> tuple[str, ...]:
+    """A share of the scenes, at least one, in their order."""
+    if share == 1:
+        return tuple(names)
+    count = max(1, round(share * len(names)))
+    rows = np.random.default_rng([seed, 1]).permutation(len(names))[:count]
+    return tuple(names[i] for i in sorted(rows.tolist()))
 
 
 def count_points(xyz: Float[np.ndarray, 'points 3'], boxes: Float[np.ndarray, 'boxes 7']) -> Int[np.ndarray, ' boxes']:
@@ -191,15 +189,9 @@ def count_points(xyz: Float[np.ndarray, 'points 3'], boxes: Float[np.ndarray, 'b
     return np.bincount(inside[inside >= 0], minlength=len(boxes))
 
 
-def _named(name: str) -> BoxAmount:
-    if name not in BOX_BUDGETS:
-        raise BudgetError(f'label budget: expected one of {", ".join(BOX_BUDGETS)}, got {name!r}')
-    return BOX_BUDGETS[name]
-
-
 def _usable(
     labels: Mapping[str, np.ndarray], lidar_points: Mapping[str, np.ndarray] | None, min_points: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> Int[np.ndarray, '3 usable']:
     """Scene number, row and class of every box that may be drawn."""
     found = []
     for i, (name, classes) in enumerate(labels.items()):
@@ -210,23 +202,21 @@ def _usable(
                 raise BudgetError(f'scene {name}: {len(classes)} boxes, but lidar_points has {len(points)} numbers')
             rows = rows[points >= min_points]
         found.append(np.stack([np.full(len(rows), i), rows, classes[rows]]))
-    scene_of, row_of, class_of = np.concatenate(found, axis=1) if found else np.zeros((3, 0), dtype=np.int64)
-    if len(class_of) == 0:
+    usable = np.concatenate(found, axis=1) if found else np.zeros((3, 0), dtype=np.int64)
+    if usable.shape[1] == 0:
         total = sum(len(classes) for classes in labels.values())
         raise BudgetError(
             f'no box can be annotated: {len(labels)} scenes hold {total} boxes, none with {min_points} points; '
             'check classes and range, or lower min_points'
         )
-    return scene_of, row_of, class_of
+    return usable
 
 
-def _plain_amount(amount: BoxAmount) -> dict[str, Any]:
-    plain: dict[str, Any] = {'per_scene': amount.per_scene, 'fraction': amount.fraction}
-    return plain | {'alike': True} if amount.alike else plain
+def _pick_alike(scenes: np.ndarray, classes: np.ndarray, count: int, most: int | None = None) -> list[int]:
+    """Positions to take from candidates in drawn order: the classes in turn, rarest first, each from a fresh scene.
 
-
-def _pick_alike(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int]:
-    """Positions to take from candidates in drawn order: the classes in turn, rarest first, each from a fresh scene."""
+    No scene gives more than ``most``.
+    """
     numbers, frequency = np.unique(classes, return_counts=True)
     waiting = {int(c): np.flatnonzero(classes == c).tolist() for c in numbers[np.argsort(frequency, kind='stable')]}
     used: dict[int, int] = {}
@@ -236,13 +226,14 @@ def _pick_alike(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int
             if own and len(taken) < count:
                 position = min(own, key=lambda p: (used.get(int(scenes[p]), 0), p))
                 own.remove(position)
-                taken.append(position)
-                used[int(scenes[position])] = used.get(int(scenes[position]), 0) + 1
+                if most is None or used.get(int(scenes[position]), 0) < most:
+                    taken.append(position)
+                    used[int(scenes[position])] = used.get(int(scenes[position]), 0) + 1
     return taken
 
 
-def _pick(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int]:
-    """Positions to take from candidates in drawn order: one of each class, then scene by scene."""
+def _pick(scenes: np.ndarray, classes: np.ndarray, count: int, most: int | None = None) -> list[int]:
+    """Positions to take from candidates in drawn order: one of each class, then scene by scene, ``most`` of each."""
     taken: list[int] = []
     used: dict[int, int] = {}
 
@@ -254,10 +245,12 @@ def _pick(scenes: np.ndarray, classes: np.ndarray, count: int) -> list[int]:
     served = numbers[np.argsort(-frequency, kind='stable')][:count]
     for number in served[::-1]:  # rarest first: the fewer boxes a class has, the fewer free scenes it can choose from
         own = np.flatnonzero(classes == number)
-        take(int(min(own, key=lambda position: (used.get(int(scenes[position]), 0), position))))
+        first = int(min(own, key=lambda position: (used.get(int(scenes[position]), 0), position)))
+        if most is None or used.get(int(scenes[first]), 0) < most:
+            take(first)
     left = np.setdiff1d(np.arange(len(classes)), taken).tolist()
     level = 1
-    while len(taken) < count and left:
+    while len(taken) < count and left and (most is None or level <= most):
         later = []
         for position in left:
             if len(taken) < count and used.get(int(scenes[position]), 0) < level:

@@ -11,10 +11,10 @@ from tqdm import tqdm
 
 from rm3d_plugin.datasets.base import Truth
 from rm3d_plugin.label_budgets import (
-    BOX_BUDGETS,
     BoxAmount,
     BoxBudget,
     BudgetError,
+    box_amount,
     count_points,
     draw_box_budget,
     hide,
@@ -23,7 +23,7 @@ from rm3d_plugin.label_budgets import (
 )
 from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.registry import DATASETS, TASK_UTILS
-from rm3d_plugin.structures import PointCloud
+from rm3d_plugin.structures import Boxes3D, PointCloud
 
 
 class LabelSource(ABC):
@@ -104,7 +104,9 @@ class DatasetSource(LabelSource):
         return cloud
 
     def truth(self, index: int) -> Truth | None:
-        """All labels of a scene, for reports."""
+        """All labels of a scene, for reports; None where nobody labelled it."""
+        if not self.dataset.is_labelled(index):
+            return None
         truth: Truth = self.dataset.load_truth(index)
         return truth
 
@@ -115,7 +117,7 @@ class BoxBudgetSource(DatasetSource):
 
     Args:
         dataset: The training split or its config; its truth is read here to show the drawn boxes, and for reports.
-        budget: '1pct' (two boxes per ten scenes), '0p5pct', '3pct', 'full', or the fields of a ``BoxAmount``.
+        budget: A name that :func:`~rm3d_plugin.label_budgets.box_amount` knows, or the fields of a ``BoxAmount``.
         seed: Seed of the draw.
         min_points: Boxes with fewer lidar points are never drawn.
     """
@@ -124,7 +126,7 @@ class BoxBudgetSource(DatasetSource):
         self, dataset: Any, budget: str | Mapping[str, Any] = '1pct', seed: int = 0, min_points: int = 5
     ) -> None:
         super().__init__(dataset)
-        self._amount = budget if isinstance(budget, str) else BoxAmount(**budget)
+        self._amount = box_amount(budget) if isinstance(budget, str) else BoxAmount(**budget)
         self._seed, self._min_points = seed, min_points
         self._budget: BoxBudget | None = None
 
@@ -132,19 +134,22 @@ class BoxBudgetSource(DatasetSource):
     def budget(self) -> BoxBudget:
         """The drawn boxes; drawn at first use."""
         if self._budget is None:
-            labels, points = {}, {}
+            labels, points, unlabelled = {}, {}, []
             for index, scene in enumerate(tqdm(self.scene_ids, desc='drawing the label budget', leave=False)):
-                boxes = self.dataset.load_truth(index).boxes
+                truth = self.truth(index)
+                boxes = Boxes3D.empty() if truth is None else truth.boxes
+                unlabelled += [scene] if truth is None else []
                 labels[scene] = boxes.labels
                 points[scene] = count_points(self.dataset.load_cloud(index).xyz, boxes.tensor)
-            self._budget = draw_box_budget(labels, self._amount, self._seed, points, self._min_points)
+            self._budget = draw_box_budget(labels, self._amount, self._seed, points, self._min_points, unlabelled)
         return self._budget
 
     def annotated_labels(self, index: int) -> AnnotatedLabels:
         """The annotated boxes of a scene and the labels of the points in them."""
-        truth = self.dataset.load_truth(index)
-        rows = self.budget.rows(self.scene_ids[index], len(truth.boxes))
-        seen = hide(self.load_cloud(index).xyz, truth, rows, self.budget.complete)
+        scene, cloud = self.scene_ids[index], self.load_cloud(index)
+        truth = self.truth(index) or Truth(Boxes3D.empty())
+        rows = self.budget.rows(scene, len(truth.boxes))
+        seen = hide(cloud.xyz, truth, rows, self.budget.is_complete(scene))
         return AnnotatedLabels(seen.semantic, seen.instance, seen.boxes, complete=seen.complete)
 
     def describe(self) -> str:
@@ -163,10 +168,9 @@ class BoxBudgetSource(DatasetSource):
             save_box_budget(folder / 'budget.json', self.budget)
 
     def _checked(self, kept: BoxBudget, folder: Path) -> BoxBudget:
-        amount = BOX_BUDGETS.get(self._amount) if isinstance(self._amount, str) else self._amount
-        if (kept.seed, kept.amount) != (self._seed, amount):
+        if (kept.seed, kept.amount) != (self._seed, self._amount):
             raise BudgetError(
                 f'{folder / "budget.json"}: was drawn with seed {kept.seed} and {kept.amount}, but seed {self._seed} '
-                f'and {amount} are asked for; resume with the settings of that run, or start in another work dir'
+                f'and {self._amount} are asked for; resume with the settings of that run, or start in another work dir'
             )
         return kept

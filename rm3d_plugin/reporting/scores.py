@@ -10,7 +10,7 @@ from rm3d_plugin.structures.label_estimate import estimate_text, has_estimate
 from rm3d_plugin.visualization import Chart, ResultRow, ScoreTable, Series
 
 BOX_MEASURES = ('3d AP R40', 'bev AP R40')  # the others stand in the log and in metrics.json
-POINT_TABLES = ('points', 'instances', 'segments')
+CLASS_TABLES = ('points', 'instances', 'segments', 'objects')
 NAN = float('nan')
 
 
@@ -32,7 +32,7 @@ def point_table(records: Sequence[ScoreRecord]) -> ScoreTable | None:
 
     A measure that no class has (accuracy, say) follows in a row of its own, in the first column.
     """
-    chosen = [record for record in records if record.table in POINT_TABLES]
+    chosen = [record for record in records if record.table in CLASS_TABLES]
     columns = list(dict.fromkeys(record.measure for record in chosen if record.subject))
     columns = columns or list(dict.fromkeys(record.measure for record in chosen))[:1]
     if not columns:
@@ -106,7 +106,7 @@ def score_chart(validation: Mapping[int, Sequence[ScoreRecord]]) -> Chart | None
     epochs = list(validation)
     first = validation[epochs[0]]
     boxes = [record.name for record in first if record.measure == '3d AP R40' and record.level == 'moderate']
-    means = [record.name for record in first if record.table in POINT_TABLES and not record.subject]
+    means = [record.name for record in first if record.table in CLASS_TABLES and not record.subject]
     if not boxes and not means:
         return None
     numbers = {epoch: {record.name: record.number for record in records} for epoch, records in validation.items()}

@@ -9,7 +9,10 @@ import pytest
 import torch
 from runs import tiny_runs
 
+from rm3d_plugin.datasets.box_formats import BOX_FORMATS
 from rm3d_plugin.datasets.kitti_format import objects_to_boxes, read_calib, read_objects
+from rm3d_plugin.storage.ply import write_ply
+from rm3d_plugin.storage.scans import read_scan
 
 CLASSES = ('Car', 'Pedestrian', 'Cyclist')
 
@@ -36,7 +39,7 @@ def test_a_scan_without_labels_becomes_boxes_as_json_and_as_kitti_lines(call, tr
     assert [line for line in output.splitlines() if line.startswith(str(out))] == [str(out / name) for name in names]
 
     content = json.loads((out / 'first.json').read_text())
-    assert content['scan'] == 'first.bin' and content['frame'].startswith('lidar: x forward')
+    assert content['scan'] == 'first.bin' and content['frame'].startswith('that of the scan file')
     kinds, boxes, scores = boxes_of(out / 'first.json')
     assert len(boxes) >= 3 and (scores >= 0.05).all() and (boxes[:, 3:6] > 0).all()
     calib = read_calib(tmp_path / 'drive' / 'calib' / 'first.txt')
@@ -79,6 +82,39 @@ def test_the_score_threshold_leaves_out_and_changes_nothing_else(call, trained, 
     fewer = predict('some', (steps[gap] + steps[gap + 1]) / 2)
     assert fewer[0] == [kind for kind, keep in zip(kinds, kept, strict=True) if keep]
     np.testing.assert_array_equal(fewer[1], boxes[kept])
+
+
+def test_any_scan_becomes_boxes_in_the_formats_of_labelling_tools(call, trained, world, tmp_path):
+    cloud = read_scan(world / 'training' / 'velodyne' / '000002.bin').cloud
+    columns = {axis: cloud.xyz[:, i] for i, axis in enumerate('xyz')}
+    write_ply(tmp_path / 'with.ply', columns | {'intensity': cloud.intensity})
+    write_ply(tmp_path / 'without.ply', columns)
+    expected = {}
+    for kind in ('json', 'openpcdet', 'labelcloud_rel', 'labelcloud_abs', 'labelcloud_vertices', 'sustech'):
+        code, output = call(
+            'predict', checkpoint_of(trained), tmp_path / 'with.ply', tmp_path / 'without.ply',
+            '--out', tmp_path / kind, '--min-score', '0.05', '--format', kind,
+        )  # fmt: skip
+        assert code == 0, output
+        files = sorted((tmp_path / kind).iterdir())
+        found = {path.stem: BOX_FORMATS[kind].read(path, None) for path in files}
+        assert len(found['with'].names) >= 3 and sorted(found) == ['with', 'without']
+        for name, boxes in found.items():
+            first = expected.setdefault(name, boxes)
+            assert first.names == boxes.names
+            np.testing.assert_allclose(boxes.tensor, first.tensor, atol=1e-3)
+
+
+def test_a_format_that_does_not_fit_a_detector_is_told(call, trained, world, tmp_path):
+    scan = tmp_path / 'alone.bin'
+    shutil.copy(world / 'training' / 'velodyne' / '000002.bin', scan)
+    for options, told in (
+        (('--format', 'las'), '--format of a detector: expected one of openpcdet, kitti'),
+        (('--chunk', '5'), 'finds boxes; chunk_size is for networks that classify points'),
+        (('--format', 'kitti'), 'so each scan needs ../calib/NAME.txt'),
+    ):
+        code, output = call('predict', checkpoint_of(trained), scan, '--out', tmp_path / 'out', *options)
+        assert code == 2 and told in output
 
 
 def test_the_scoring_command_prints_what_training_found_last(call, trained, tmp_path):

@@ -10,7 +10,7 @@ from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.engine.config_files import shipped_bases
 from rm3d_plugin.engine.hooks import RegionMergeHook
 
-DATA = {'data_root', 'demo_data', 'train_sequences', 'val_sequences'}
+DATA = {'data_root', 'demo_data', 'train_sequences', 'val_sequences', 'every'}
 SIZES = {
     'crop_points',
     'recent_scenes',  # kept in memory

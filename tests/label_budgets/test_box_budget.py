@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rm3d_plugin.label_budgets import (
-    BOX_BUDGETS,
     BoxAmount,
     BudgetError,
+    box_amount,
     count_points,
     draw_box_budget,
     load_box_budget,
@@ -140,9 +140,76 @@ def test_wrong_amounts(amount):
 
 
 def test_unknown_names_list_the_known_ones():
-    with pytest.raises(BudgetError, match="expected one of 1pct, 0p5pct, 3pct, full, got '1%'"):
-        draw_box_budget(world(), '1%', 0)
-    assert set(BOX_BUDGETS) == {'1pct', '0p5pct', '3pct', 'full'}
+    choices = 'expected one of 1pct, 0p5pct, 3pct, full, onebox, 2pct, scenes10pct .*_alike, got'
+    for name in ('1%', 'scenes0pct', 'scenes101pct', 'onebox_1pct'):
+        with pytest.raises(BudgetError, match=f"{choices} '{name}'"):
+            draw_box_budget(world(), name, 0)
+
+
+@pytest.mark.parametrize(
+    ('name', 'amount'),
+    [
+        ('1pct_alike', BoxAmount(per_scene=0.2, alike=True)),
+        ('3pct_alike', BoxAmount(fraction=0.03, alike=True)),
+        ('onebox', BoxAmount(each=1)),
+        ('2pct', BoxAmount(each=1, scenes=0.1)),
+        ('onebox_scenes10pct', BoxAmount(each=1, scenes=0.1)),
+        ('scenes2p5pct', BoxAmount(fraction=1, scenes=0.025)),
+    ],
+)
+def test_names_of_published_amounts(name, amount):
+    assert box_amount(name) == amount
+    assert BoxAmount(**amount.to_plain()) == amount
+
+
+@pytest.mark.parametrize('name', ['onebox', 'onebox_alike'])
+def test_one_object_in_each_scene_that_has_any(name):
+    labels = world(60, seed=4)
+    budget = draw_box_budget(labels, name, seed=2)
+    assert {scene: len(rows) for scene, rows in budget.annotated.items()} == {
+        scene: min(len(rows), 1) for scene, rows in labels.items()
+    }
+    assert set(budget.annotated_per_class) == {0, 1, 2}
+    if name == 'onebox_alike':  # the rare class has all scenes that it can have
+        holding = sum(2 in rows for rows in labels.values())
+        plain = draw_box_budget(labels, 'onebox', seed=2)
+        assert plain.annotated_per_class[2] < budget.annotated_per_class[2] <= holding
+
+
+def test_one_object_in_a_tenth_of_the_scenes():
+    labels = {f'{i:03d}': np.zeros(i % 4, dtype=int) for i in range(100)}  # 75 scenes with a box
+    budget = draw_box_budget(labels, '2pct', seed=0)
+    assert sorted(len(rows) for rows in budget.annotated.values())[-9:] == [0] + [1] * 8
+    assert not budget.complete and budget.complete_scenes == ()
+    assert draw_box_budget(labels, '2pct', seed=1).annotated != budget.annotated
+
+
+def test_some_scenes_are_labelled_completely_and_the_others_not_at_all(tmp_path):
+    labels = world(40, seed=1)
+    budget = draw_box_budget(labels, 'scenes10pct', seed=0)
+    assert len(budget.complete_scenes) == 4 and not budget.complete
+    for scene, rows in labels.items():
+        whole = scene in budget.complete_scenes
+        assert budget.annotated[scene] == (tuple(range(len(rows))) if whole else ())
+        assert budget.is_complete(scene) == whole
+    save_box_budget(tmp_path / 'budget.json', budget)
+    assert load_box_budget(tmp_path / 'budget.json') == budget
+
+
+def test_scenes_that_nobody_labelled_are_left_out():
+    labels = {'a': np.array([0]), 'b': np.array([], dtype=int), 'c': np.array([0, 1])}
+    budget = draw_box_budget(labels, 'full', seed=0, unlabelled=['b'])
+    assert budget.complete_scenes == ('a', 'c') and not budget.complete
+    assert draw_box_budget(labels, BoxAmount(per_scene=1), 0, unlabelled=['c']).annotated == {
+        'a': (0,),
+        'b': (),
+        'c': (),
+    }
+
+
+def test_budgets_drawn_before_there_were_such_amounts_keep_their_hash():
+    assert draw_box_budget(world(30), '1pct', seed=5).to_plain()['amount'] == {'per_scene': 0.2, 'fraction': None}
+    assert 'complete_scenes' not in draw_box_budget(world(30), 'full', seed=5).to_plain()
 
 
 def test_rows_are_checked_against_the_scene():

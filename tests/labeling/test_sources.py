@@ -20,6 +20,7 @@ def source(budget='full', seed=0, scenes=4, **settings):
     dataset = SimpleNamespace(
         metainfo={'classes': ('Car', 'Pedestrian')},
         scene_ids=[f's{i}' for i in range(scenes)],
+        is_labelled=lambda index: True,
         load_cloud=lambda index: CLOUD,
         load_truth=lambda index: Truth(Boxes3D(BOXES, np.array([0, 1, 0])), CLOUD_LABELS, None),
     )
@@ -73,3 +74,11 @@ def test_a_run_is_not_resumed_with_another_budget(tmp_path, budget, seed):
 def test_nothing_to_resume_is_told(tmp_path):
     with pytest.raises(BudgetError, match=r'budget\.json: no such label budget'):
         source().open(tmp_path, resume=True)
+
+
+def test_of_scenes_that_nobody_labelled_nothing_is_drawn_shown_or_judged():
+    some = source('full', scenes=3)
+    some.dataset.is_labelled = lambda index: index != 1
+    assert [len(some.annotated_labels(index).boxes) for index in range(3)] == [3, 0, 3]
+    assert [some.annotated_labels(index).complete for index in range(3)] == [True, False, True]
+    assert some.truth(1) is None and some.truth(2) is not None

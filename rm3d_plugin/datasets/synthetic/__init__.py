@@ -10,6 +10,7 @@ from rm3d_plugin.datasets.synthetic.scannet_writer import make_scannet_rooms
 from rm3d_plugin.datasets.synthetic.semantic3d_writer import make_semantic3d_streets
 from rm3d_plugin.datasets.synthetic.semantickitti_writer import make_semantickitti_streets
 from rm3d_plugin.datasets.synthetic.vkitti_writer import make_vkitti_streets
+from rm3d_plugin.datasets.synthetic.waymo_writer import make_waymo_streets
 
 DEMO_SCENES: dict[str, Callable[..., Path]] = {
     'streets': make_streets,
@@ -18,6 +19,7 @@ DEMO_SCENES: dict[str, Callable[..., Path]] = {
     'semantickitti_streets': make_semantickitti_streets,
     'semantic3d_streets': make_semantic3d_streets,
     'vkitti_streets': make_vkitti_streets,
+    'waymo_streets': make_waymo_streets,
 }
 
 
@@ -46,4 +48,5 @@ __all__ = [
     'make_semantickitti_streets',
     'make_streets',
     'make_vkitti_streets',
+    'make_waymo_streets',
 ]

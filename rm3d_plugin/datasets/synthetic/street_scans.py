@@ -99,11 +99,18 @@ def pose_on_road(road: Road, x: float, offset: float = 0.0) -> Pose:
     return Pose(np.round(np.array([px, py, height]), 6), road.heading(x))
 
 
+def seen_from(mesh: Mesh, pose: Pose) -> Mesh:
+    """A street's mesh in the frame of a sensor in it."""
+    c, s = (float(v) for v in cos_sin(pose.yaw))
+    x, y, z = (float(v) for v in pose.position)
+    return mesh.moved((-c * x - s * y, s * x - c * y, -z), -pose.yaw)
+
+
 def scan_scene(scene: Scene, pose: Pose, lidar: SpinningLidar, rng: np.random.Generator) -> LabelledScan:
     """One turn of the sensor."""
     c, s = (float(v) for v in cos_sin(pose.yaw))
     x, y, z = (float(v) for v in pose.position)
-    mesh = scene.mesh.moved((-c * x - s * y, s * x - c * y, -z), -pose.yaw)
+    mesh = seen_from(scene.mesh, pose)
     returned = scan(mesh, cast(mesh.corners, make_beams(lidar), lidar.max_range), lidar, rng, Anchor(x, y, z, pose.yaw))
     part = mesh.part[returned.triangle]
     px, py = returned.xyz[:, 0], returned.xyz[:, 1]

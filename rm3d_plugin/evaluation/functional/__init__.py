@@ -45,12 +45,14 @@ from rm3d_plugin.evaluation.functional.semantic_iou import (
     semantic_iou,
     semantic_scores,
 )
+from rm3d_plugin.evaluation.functional.waymo_ap import WAYMO_IOU, WaymoEntry, WaymoTruth, waymo_ap
 
 __all__ = [
     'DIFFICULTIES',
     'LOOSE_IOU',
     'METRICS',
     'OFFICIAL_IOU',
+    'WAYMO_IOU',
     'ApEntry',
     'BoundaryCounts',
     'BoundaryScores',
@@ -69,6 +71,8 @@ __all__ = [
     'PseudoLabelScores',
     'SceneTruth',
     'SemanticScores',
+    'WaymoEntry',
+    'WaymoTruth',
     'boundary_counts',
     'boundary_scores',
     'box_ap',
@@ -86,4 +90,5 @@ __all__ = [
     'scores_of',
     'semantic_iou',
     'semantic_scores',
+    'waymo_ap',
 ]

@@ -1,4 +1,8 @@
-"""Average precision of boxes with all-point interpolation, as indoor detection counts it (METHOD 9: AP25, AP50)."""
+"""Average precision of boxes with all-point interpolation, as indoor detection counts it (METHOD 9: AP25, AP50).
+
+The same numbers as VoteNet's and mmdetection3d's programs: a hit overlaps by more than the threshold, and classes count
+that have truth. (mmdetection3d also averages over classes that were found but never true, which makes its mean NaN.)
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,16 +18,18 @@ class BoxAp(NamedTuple):
     """Result at one overlap threshold; all shares in [0, 1].
 
     Attributes:
-        iou: A detection hits from this 3D overlap on.
+        iou: A detection hits above this 3D overlap.
         ap: (C,) average precision; NaN where a class has no truth.
         recall: (C,) greatest recall; NaN where a class has no truth.
         mean_ap: Over the classes with truth; 0 where none has.
+        mean_recall: The same of the recall.
     """
 
     iou: float
     ap: Float[np.ndarray, ' classes']
     recall: Float[np.ndarray, ' classes']
     mean_ap: float
+    mean_recall: float = 0.0
 
 
 def all_point_ap(is_hit: Bool[np.ndarray, ' found'], num_truth: int) -> float:
@@ -49,14 +55,14 @@ def box_ap(
     """Average precision of each class at each threshold.
 
     Detections are taken by falling score over all scenes (ties: the earlier scene and row). Each belongs to the truth
-    of its class that it overlaps most; it hits if the overlap reaches the threshold and no better detection took that
+    of its class that it overlaps most; it hits if the overlap exceeds the threshold and no better detection took that
     truth.
 
     Args:
         ground_truths: True boxes of each scene.
         detections: Found boxes with scores, of the same scenes.
         num_classes: Number of classes; other class numbers are passed over.
-        iou_thresholds: 3D overlaps from which a detection hits.
+        iou_thresholds: 3D overlaps above which a detection hits.
 
     Raises:
         ValueError: The numbers of scenes differ, or a score is NaN.
@@ -83,15 +89,18 @@ def box_ap(
             is_hit = np.zeros(len(order), dtype=bool)
             for rank, row in enumerate(order):
                 key = (int(scene[row]), int(index[row]))
-                if overlap[row] > 0 and overlap[row] >= iou and key not in taken:
+                if overlap[row] > iou and key not in taken:
                     taken.add(key)
                     is_hit[rank] = True
             ap[k, number] = all_point_ap(is_hit, count)
             recall[k, number] = is_hit.sum() / count
     return tuple(
-        BoxAp(float(iou), ap[k], recall[k], float(np.nanmean(ap[k])) if np.isfinite(ap[k]).any() else 0.0)
-        for k, iou in enumerate(iou_thresholds)
+        BoxAp(float(iou), ap[k], recall[k], _mean(ap[k]), _mean(recall[k])) for k, iou in enumerate(iou_thresholds)
     )
+
+
+def _mean(values: Float[np.ndarray, ' classes']) -> float:
+    return float(np.nanmean(values)) if np.isfinite(values).any() else 0.0
 
 
 def _best_truth(
