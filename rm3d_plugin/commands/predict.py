@@ -72,7 +72,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
     points.add_argument('--chunk', type=METRES, metavar='METRES', help='predict in chunks of this edge')
-    points.add_argument('--max-points', type=whole(), help='predict in chunks of at most so many points; default 1000000')
+    points.add_argument(
+        '--max-points', type=whole(), help='predict in chunks of at most so many points; default 1000000'
+    )
     points.add_argument(
         '--unknown-below', type=SHARE, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'
     )

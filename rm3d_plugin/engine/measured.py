@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float
 from mmengine.config import Config
 
-from rm3d_plugin.engine.run import config_errors, label_hooks
+from rm3d_plugin.engine.config_errors import config_errors
+from rm3d_plugin.engine.run import label_hooks
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes
 from rm3d_plugin.registry import TASK_UTILS

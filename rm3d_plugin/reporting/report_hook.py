@@ -12,8 +12,8 @@ from mmengine.dist import is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import Runner
 
-from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.datasets.base import Truth
+from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.registry import HOOKS
