@@ -59,4 +59,11 @@ def test_the_annotator_clicks_as_told_and_is_scored_on_known_points():
 
 def test_goals_that_most_runs_miss_are_said_to_be_over():
     curves = np.array([[50.0, 85, 85, 95], [60, 70, 75, 78], [65, 71, 72, 73]])
-    assert bench.summary(curves) == {'clicks to 70 %': 2.0, 'clicks to 80 %': 'over 4', 'clicks to 90 %': 'over 4'}
+    assert bench.summary(curves) == {
+        'clicks to 70 %': 2.0,
+        'clicks to 70 %, mean': 2.0,
+        'clicks to 80 %': 'over 4',
+        'clicks to 80 %, mean': 4.0,
+        'clicks to 90 %': 'over 4',
+        'clicks to 90 %, mean': 4.7,
+    }

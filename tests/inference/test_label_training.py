@@ -88,7 +88,7 @@ class Said(NamedTuple):
 def test_further_scans_are_told_to_be_doubtful_where_nothing_speaks_for_the_network(weights, monkeypatch, tmp_path):
     scans = [tmp_path / 'a.ply', tmp_path / 'b.ply']
     said = dict(zip(scans, map(Said, weights), strict=True))
-    prepared = SimpleNamespace(scene=SimpleNamespace(cloud=None), columns={})
+    prepared = SimpleNamespace(cloud=None, columns={})
     files = SimpleNamespace(
         scans=scans, prepared=lambda _: prepared, given=None, options=SimpleNamespace(format='same')
     )

@@ -131,7 +131,7 @@ def _right(said: np.ndarray, semantic: np.ndarray) -> float:
 
 
 def summary(curves: np.ndarray) -> dict[str, Any]:
-    """Mean curve, and clicks to each goal: median over runs, 'over N' where most runs end before."""
+    """Mean curve, and clicks to each goal: median and mean over runs; one that misses it after N clicks counts N + 1."""
     count = curves.shape[1]
     out: dict[str, Any] = {
         f'right after {at}, %': round(float(curves[:, at - 1].mean()), 1) for at in AT if at <= count
@@ -140,4 +140,5 @@ def summary(curves: np.ndarray) -> dict[str, Any]:
         reached = np.where((curves >= goal).any(axis=1), (curves >= goal).argmax(axis=1) + 1, count + 1)
         median = float(np.median(reached))
         out[f'clicks to {goal} %'] = f'over {count}' if median > count else median
+        out[f'clicks to {goal} %, mean'] = round(float(reached.mean()), 1)
     return out
