@@ -52,9 +52,7 @@ def check_sizes(config: Any, where: str, largest: float) -> None:
         for number, value in enumerate(config):
             check_sizes(value, f'{where}[{number}]', largest)
     elif isinstance(config, int | float) and abs(config) > largest:
-        raise ConfigError(
-            f'{where}: {config:g} is larger than the network, whose weights are {largest:g} numbers at most'
-        )
+        raise ConfigError(f'{where}: {str(config)[:20]} is larger than the network, of at most {largest} weights')
 
 
 def _check_type(name: Any, where: str) -> None:
