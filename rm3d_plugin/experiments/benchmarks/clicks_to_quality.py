@@ -131,7 +131,7 @@ def _right(said: np.ndarray, semantic: np.ndarray) -> float:
 
 
 def summary(curves: np.ndarray) -> dict[str, Any]:
-    """Mean curve, and clicks to each goal: median and mean over runs; one that misses it after N clicks counts N + 1."""
+    """Mean curve, and clicks to each goal, median and mean; a run of N clicks that misses it counts as N + 1."""
     count = curves.shape[1]
     out: dict[str, Any] = {
         f'right after {at}, %': round(float(curves[:, at - 1].mean()), 1) for at in AT if at <= count
