@@ -8,15 +8,13 @@ Xie et al. 2023). Labels are also spread by the nearest click, for the clicks of
 import argparse
 import sys
 from collections.abc import Callable, Iterator
-from itertools import chain
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rm3d_plugin.annotation.suggestions import Suggester
 from rm3d_plugin.experiments.benchmarks.measure import machine
-from rm3d_plugin.experiments.benchmarks.propagate_clicks import CHOSEN, Scan, made_up_rooms, scans_of
+from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan, add_scan_arguments, scans_asked
 from rm3d_plugin.pseudo_labels.propagation.live import LiveAnswer, LivePropagation
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label
 from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
@@ -32,11 +30,8 @@ Next = Callable[[LiveAnswer, np.ndarray, set[int]], int | None]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the benchmark."""
-    parser.add_argument('sources', nargs='*', type=Path, help='folder of real data, or npz files')
-    parser.add_argument('--rooms', type=int, default=0, help='made-up rooms of 50,000 points besides; default 0')
-    parser.add_argument('--seeds', nargs='+', type=int, default=[0], help='of chance and the first click; default 0')
+    add_scan_arguments(parser)
     parser.add_argument('--clicks', type=int, default=30, help='of each run; default 30')
-    parser.add_argument('--half', choices=['chosen', 'apart', 'all'], default='all', help='which scans; default all')
     parser.add_argument('--scores', nargs='+', choices=SCORES, default=list(SCORES), help='default: all')
     parser.set_defaults(repeats=1)
 
@@ -44,10 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """A line a scan, score and seed on the way; then means."""
     curves: dict[str, list[list[float]]] = {}
-    scans = chain(chain.from_iterable(scans_of(source) for source in args.sources), made_up_rooms(args.rooms))
-    for scan in scans:
-        if args.half != 'all' and (args.half == 'chosen') != scan.name.startswith(CHOSEN):
-            continue
+    for scan in scans_asked(args):
         for name, seed, curve in curves_of(scan, args.scores, args.seeds, args.clicks):
             curves.setdefault(name, []).append(curve)
             text = ' '.join(f'{at}:{curve[at - 1]:.1f}' for at in AT if at <= args.clicks)

@@ -44,8 +44,8 @@ class Scan(NamedTuple):
     semantic: np.ndarray
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the benchmark."""
+def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options that name scans whose classes are known, see :func:`scans_asked`."""
     parser.add_argument('sources', nargs='*', type=Path, help='folder of real data, or npz files')
     parser.add_argument('--rooms', type=int, default=0, help='made-up rooms of 50,000 points besides; default 0')
     parser.add_argument('--seeds', nargs='+', type=int, default=[0], help='of the drawn clicks; default 0')
@@ -55,6 +55,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default='all',
         help='chosen: the scans on which constants were chosen; apart: the others; default all',
     )
+
+
+def scans_asked(args: argparse.Namespace) -> Iterator[Scan]:
+    """The scans that options name."""
+    for scan in chain(chain.from_iterable(map(scans_of, args.sources)), made_up_rooms(args.rooms)):
+        if args.half == 'all' or (args.half == 'chosen') == scan.name.startswith(CHOSEN):
+            yield scan
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the benchmark."""
+    add_scan_arguments(parser)
     parser.add_argument('--no-walker', action='store_true', help='leave the plain random walker out (it is slow)')
     parser.set_defaults(repeats=1)
 
@@ -62,10 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """A line a scan and budget on the way; then means by budget and seed."""
     rows: dict[str, list[list[float]]] = {}
-    scans = chain(chain.from_iterable(scans_of(source) for source in args.sources), made_up_rooms(args.rooms))
-    for scan in scans:
-        if args.half != 'all' and (args.half == 'chosen') != scan.name.startswith(CHOSEN):
-            continue
+    for scan in scans_asked(args):
         for budget, row in rows_of(scan, args.seeds, not args.no_walker):
             rows.setdefault(budget, []).append(row)
     return {budget: summary(each) for budget, each in rows.items()} | {'machine': machine()}
