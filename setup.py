@@ -14,7 +14,7 @@ setup(
     long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     license='Apache-2.0',
-    python_requires='>=3.11,<3.13',
+    python_requires='>=3.11,<3.14',
     packages=[*find_packages(include=['rm3d_plugin', 'rm3d_plugin.*']), *CONFIGS],
     package_dir={'rm3d_plugin.configs': 'configs'},  # `rm3d_plugin::NAME.py` needs no checkout
     package_data={
