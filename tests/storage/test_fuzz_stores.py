@@ -31,7 +31,7 @@ from rm3d_plugin.label_budgets import PointBudget, SceneSize, load_point_budget,
 from rm3d_plugin.label_budgets.audit import AnnotatedPoints
 from rm3d_plugin.labeling.data_record import check_data
 from rm3d_plugin.oversegmentation.precomputed import Precomputed
-from rm3d_plugin.reporting.scores import final_text, loss_chart, score_chart
+from rm3d_plugin.reporting.scores import final_text, loss_charts, score_chart
 from rm3d_plugin.storage import Click, LabelStore, SceneCache, read_clicks, write_clicks
 from rm3d_plugin.storage.files import read_npz, write_npz
 from rm3d_plugin.structures import Boxes3D, PointCloud, PseudoLabels
@@ -158,7 +158,7 @@ def record(folder):
 
     def read():
         found = read_record(folder)
-        loss_chart(found['losses']), score_chart(score_records(found))
+        loss_charts(found['losses']), score_chart(score_records(found))
         return final_text(final_records(found), last_summary(found))
 
     return Store(folder / 'metrics.json', read)
