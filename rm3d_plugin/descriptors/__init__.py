@@ -2,6 +2,7 @@
 
 from rm3d_plugin.descriptors.adapted_pfh import AdaptedPFH, adapted_pfh
 from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, cosine_similarity
+from rm3d_plugin.descriptors.external import External
 from rm3d_plugin.descriptors.fpfh import FPFH, fpfh
 from rm3d_plugin.descriptors.hks import HKS, heat_kernel_signature
 from rm3d_plugin.descriptors.pfh import PFH, original_pfh
@@ -23,6 +24,7 @@ __all__ = [
     'WKS',
     'AdaptedPFH',
     'Descriptor',
+    'External',
     'LightFields',
     'SpectralDescriptor',
     'SuperpointGraph',

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, final
 
 import numpy as np
@@ -101,6 +102,14 @@ class Descriptor(Fingerprinted, ABC):
         if name not in cls.presets:
             raise ValueError(f'{cls.__name__}.preset: expected one of {sorted(cls.presets)}, got {name!r}')
         return cls(**cls.presets[name])
+
+    def for_scene(self, scene: str) -> 'Descriptor':  # noqa: ARG002
+        """The descriptor of a scene: itself, unless it reads a file of each."""
+        return self
+
+    def scene_file(self, scene: str) -> Path | None:  # noqa: ARG002
+        """The file that is read for a scene; None: none is."""
+        return None
 
     @abstractmethod
     def compute(self, cloud: PointCloud) -> Descriptors:

@@ -114,7 +114,7 @@ def oversegment_file(
     kept = np.flatnonzero(~segmenter.find_ground(cloud))
     rest = with_normals(cloud.select(kept))
     try:
-        described = describer.compute(rest)
+        described = describer.for_scene(Path(scan).stem).compute(rest)
         if tune is not None:
             options = {**(presets_of(type(segmenter)).get(preset or '', {})), **(oversegmenter_options or {})}
             known = read_annotated_labels(tune, cloud, Path(scan).stem)[kept]

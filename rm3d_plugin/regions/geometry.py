@@ -1,6 +1,7 @@
 """The geometry path of a run: one way to regions for all its scenes, each walked once."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,13 +50,13 @@ class SceneGeometry:
         Args:
             cloud: Its points.
             seeds: Points from which its over-segmentation starts.
-            name: Names the file of the scene, where the over-segmenter reads one.
+            name: Names the files of the scene, where descriptor or over-segmenter read one.
         """
         # Not the sensor: who asks with the columns of a scan alone shall find the same regions.
         channels = {'xyz': cloud.xyz, 'intensity': cloud.intensity, 'colors': cloud.colors}
-        path = self._oversegmenter.scene_file(name)
-        given = np.fromfile(path, dtype=np.uint8) if path is not None and path.is_file() else None
-        return content_key('prepared', PREPARED_VERSION, channels, self._settings, seeds, given)
+        regions, features = self._oversegmenter.scene_file(name), self._descriptor.scene_file(name)
+        read = [_content(regions)] if features is None else [_content(regions), _content(features)]
+        return content_key('prepared', PREPARED_VERSION, channels, self._settings, seeds, *read)
 
     def prepared(
         self, key: str, cloud: Callable[[], PointCloud], seeds: Callable[[], Seeds], name: str
@@ -76,3 +77,8 @@ class SceneGeometry:
             return scene.to_arrays()
 
         return PreparedScene.from_arrays(self.cache.get_or_make(key, make))
+
+
+def _content(path: Path | None) -> np.ndarray | None:
+    """Bytes of a file that is there."""
+    return np.fromfile(path, dtype=np.uint8) if path is not None and path.is_file() else None

@@ -2,12 +2,11 @@
 
 import warnings
 from dataclasses import dataclass, fields, replace
-from typing import Protocol
 
 import numpy as np
 from jaxtyping import Int
 
-from rm3d_plugin.descriptors.base import virtual_viewpoint
+from rm3d_plugin.descriptors.base import Descriptor, virtual_viewpoint
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.ops.shared_octree import sharing_octree
@@ -17,13 +16,6 @@ from rm3d_plugin.regions.graph import build_region_graph
 from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions, SceneError
 
 TELL_FROM = 0.1  # share of a scene's points that are not described: from here on it is told
-
-
-class Descriptor(Protocol):
-    """What a descriptor provider has to offer."""
-
-    def compute(self, cloud: PointCloud) -> Descriptors:
-        """One row a point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +86,12 @@ def prepare_scene(
 
     Args:
         cloud: The raw scene; normals and curvature are estimated where missing.
-        descriptor: Has ``compute(cloud)``.
+        descriptor: Describes the points that are left.
         oversegmenter: Splits the points that are left.
         graph_neighbors: Adjacent regions that each region keeps.
         max_gap: Metres between adjacent regions; see :func:`rm3d_plugin.regions.graph.build_region_graph`.
         seeds: Numbers of labelled points, or None.
-        name: Of the scene; for warnings, and for an over-segmenter that reads a file of each scene.
+        name: Of the scene; for warnings, and for parts that read a file of each scene.
 
     Returns:
         The scene with one label a point of ``cloud``.
@@ -113,7 +105,7 @@ def prepare_scene(
     rest = cloud.select(kept)
     with sharing_octree(rest.xyz):
         rest = with_normals(rest)
-        descriptors = descriptor.compute(rest)
+        descriptors = descriptor.for_scene(name).compute(rest)
         _tell_undescribed(descriptors, len(cloud), type(descriptor).__name__, name)
         labels = oversegmenter.partition(rest, descriptors, seeds_among(seeds, kept, len(cloud)), name)
         regions = Regions(labels)

@@ -5,13 +5,13 @@ import pytest
 from reference.kitti_frames import frames, read_frame
 from reference.rooms import make_room
 
-from rm3d_plugin.descriptors import AdaptedPFH
+from rm3d_plugin.descriptors import AdaptedPFH, Descriptor
 from rm3d_plugin.oversegmentation import GroundPatches, Precomputed, RegionGrowing
 from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions, SceneError
 
 
-class Height:
+class Height(Descriptor):
     """Describes a point by its height, and remembers how many points it was given."""
 
     def compute(self, cloud):
@@ -127,7 +127,7 @@ def test_real_street(real_data):
     assert (pedestrian >= 0).mean() > 0.99
 
 
-class Wide:
+class Wide(Descriptor):
     """As many columns as AdaptedPFH has."""
 
     def compute(self, cloud):
