@@ -44,7 +44,8 @@ def write_kitti(path: Path, boxes: NamedBoxes, scan: str, calib: KittiCalib | No
     names = sorted(set(boxes.names))
     labels = np.array([names.index(name) for name in boxes.names], dtype=np.int64)
     known = [name.replace(' ', '_') for name in names]
-    write_objects(path, boxes_to_objects(Boxes3D(boxes.tensor, labels, boxes.scores), calib, known, IMAGE_SIZE))
+    objects = boxes_to_objects(Boxes3D(boxes.tensor, labels, boxes.scores), calib, known, IMAGE_SIZE)
+    write_objects(path, objects, full_precision=True)
     return path
 
 

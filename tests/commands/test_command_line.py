@@ -1,5 +1,8 @@
+import re
+
 """What a user meets at the command line: what can be mended is told in one message, with exit code 2."""
 
+import re
 import subprocess
 import sys
 import time
@@ -126,7 +129,9 @@ def test_scans_and_devices_that_cannot_be_used(call, trained, world, tmp_path):
     (tmp_path / 'cut.bin').write_bytes(scan.read_bytes()[:-3])
     assert 'cut.bin' in refused(call('predict', checkpoint, tmp_path / 'cut.bin', '--out', out))
     (tmp_path / 'nothing').mkdir()
-    assert '.ply .txt .xyz file in' in refused(call('predict', checkpoint, tmp_path / 'nothing', '--out', out))
+    assert re.search(
+        r'no .*\.ply .*\.xyz.* file in', refused(call('predict', checkpoint, tmp_path / 'nothing', '--out', out))
+    )
     assert '--device gpu' in refused(call('predict', checkpoint, scan, '--out', out, '--device', 'gpu'))
     message = refused(call('predict', checkpoint, scan, '--out', out, '--device', 'cuda:9'))
     assert '--device cuda:9' in message and 'CUDA devices were found' in message
