@@ -1,5 +1,3 @@
-import re
-
 """What a user meets at the command line: what can be mended is told in one message, with exit code 2."""
 
 import re

@@ -129,10 +129,6 @@ def test_the_scoring_command_prints_what_training_found_last(call, trained, tmp_
         if match:
             start = rf'Cyclist +3d AP {match[1]} @ {match[2]}(, interpolated)? '
             (line,) = [x for x in output.splitlines() if re.match(start, x)][-1:]
-                x
-                for x in output.splitlines()
-                if re.match(rf'Cyclist +3d AP {match[1]} @ {match[2]}(, interpolated)? ', x)
-            ][-1:]
             assert float(line.split()[-2]) == pytest.approx(value, abs=0.005)
 
 
