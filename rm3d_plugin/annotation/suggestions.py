@@ -123,7 +123,7 @@ class Suggester:
         return _Doubt(1.0 - mean.max(axis=1, initial=0.0), 1.0 - near[0], 1.0 - near[1], unknown)
 
     def _nearest_kept(self, points: Int[np.ndarray, ' labelled']) -> Int[np.ndarray, ' clicked']:
-        """The regions that stand for those of the points, each once: themselves, or the ones that look most like them."""
+        """The regions that stand for those of the points, each once: themselves, or those that look most like them."""
         rows = self._rows[np.unique(self._scale.region[points])]
         if not len(rows):
             return np.zeros(0, dtype=np.int64)
