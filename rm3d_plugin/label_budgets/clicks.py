@@ -117,7 +117,7 @@ def point_numbers(
     by_number = np.array([click.index is not None for click in clicks], dtype=np.bool_)
     count = len(cloud) if rows is None else len(rows)
     for wrong in np.flatnonzero(by_number & ((index < 0) | (index >= count)))[:1]:
-        click = clicks[wrong]
+        click = clicks[int(wrong)]
         raise BudgetError(f'{click.where}: scene {click.scene} has the points 0..{count - 1}, got index {click.index}')
     found = np.array(index if rows is None else np.where(by_number, rows[index], -1))
     placed = np.flatnonzero([click.xyz is not None for click in clicks])
@@ -127,7 +127,7 @@ def point_numbers(
         found[placed] = np.where(by_number[placed], found[placed], nearest)
         distance = np.where(by_number[placed], np.linalg.norm(cloud.xyz[found[placed]] - local, axis=1), distance)
         for wrong in np.flatnonzero(~(distance <= tolerance))[:1]:
-            _raise_far(clicks[placed[wrong]], float(distance[wrong]), tolerance)
+            _raise_far(clicks[int(placed[wrong])], float(distance[wrong]), tolerance)
     return found
 
 
