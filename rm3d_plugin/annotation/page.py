@@ -76,7 +76,7 @@ class AnnotationPage:
 
     def _controls(self) -> None:
         gui, scans = self.server.gui, self.session.scans
-        self._scan = gui.add_dropdown('Scan', scans, visible=len(scans) > 1)
+        self._scan: Any = gui.add_dropdown('Scan', scans, visible=len(scans) > 1)
         self._status = gui.add_html('')
         self._tool = gui.add_dropdown('Tool', TOOLS, hint='shift and drag: all points in a rectangle')
         self._class: Any = gui.add_dropdown('Class', self._names(), hint='keys 1 to 9')
@@ -97,7 +97,7 @@ class AnnotationPage:
             self._by: Any = gui.add_dropdown('Colour by', COLOR_BY, initial_value='colour')
             self._size = gui.add_slider('Point size', 0.25, 4.0, 0.25, 1.0)
             self._heights = gui.add_multi_slider('Heights, %', 0, 100, 1, (0, 100))
-        self._scan.on_update(self._guarded(lambda event: self._open(self._scan.value)))
+        self._scan.on_update(self._guarded(lambda event: self._switch(self._scan.value)))
         self._by.on_update(self._guarded(lambda event: self._paint()))
         self._size.on_update(self._guarded(lambda event: self._draw()))
         self._heights.on_update(self._guarded(lambda event: self._draw()))
@@ -117,8 +117,8 @@ class AnnotationPage:
 
     def _open(self, name: str) -> None:
         """Show a scan."""
-        self._name, self._note, self._estimate = name, '', ''
         self._current: AnnotatedScan = self.session.scan(name)
+        self._name, self._note, self._estimate = name, '', ''
         xyz = self._current.cloud.xyz
         step = -(-len(xyz) // SHOWN)
         self._shown: Int[np.ndarray, ' shown'] = np.arange(0, len(xyz), step)
@@ -132,6 +132,15 @@ class AnnotationPage:
         self._draw()
         self._dots()
         self._told()
+
+    def _switch(self, name: str) -> None:
+        """Show another scan; where it cannot be read, the one that is shown stays chosen."""
+        if name == self._name:
+            return
+        try:
+            self._open(name)
+        finally:
+            self._scan.value = self._name
 
     def _draw(self) -> None:
         """Send the points that are shown."""

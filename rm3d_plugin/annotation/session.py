@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from operator import index
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,10 @@ from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
 from rm3d_plugin.inference.label_files import SAME, LabelOptions, check_outputs, write_scan
 from rm3d_plugin.inference.label_scan import LabelledScan
 from rm3d_plugin.inference.predict import check_names
-from rm3d_plugin.label_budgets.clicks import resolve_clicks
+from rm3d_plugin.label_budgets.clicks import point_numbers, resolve_clicks
 from rm3d_plugin.storage import Click, ClickFileError, read_clicks, write_clicks
 from rm3d_plugin.storage.locks import process_lock
-from rm3d_plugin.structures import UNLABELLED, SceneError
+from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 from rm3d_plugin.visualization.palette import class_color
 
 NO_CLASS = 'a click needs a class: add one first'
@@ -92,8 +92,8 @@ class Session:
             raise SceneError(f'no scan {name!r} in this session; it has {", ".join(self._paths)}')
         if name not in self._open:
             scan = AnnotatedScan(self._paths[name], self._columns)
+            self._follow(name, scan)
             self._open[name] = scan
-            self._tell([name])
         return self._open[name]
 
     @property
@@ -140,7 +140,7 @@ class Session:
 
     def region(self, scan: str, point: int, name: str, instance: int = -1) -> None:
         """Label the whole region that a point lies in; see :meth:`click`."""
-        self._check_points(scan, [point])
+        self._checked_points(scan, [point])
         region = self.scan(scan).region
         self.brush(scan, np.flatnonzero(region == region[point]).tolist(), name, instance)
 
@@ -149,33 +149,32 @@ class Session:
         if name not in self.classes:
             known = ', '.join(self.classes)
             raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
-        numbers = sorted(set(points))
-        self._check_points(scan, numbers)
+        numbers = self._checked_points(scan, points)
         number = self.classes.index(name)
         self._act([[Click(scan, number, instance, index=point) for point in numbers]])
 
     def erase(self, scan: str, points: Iterable[int]) -> None:
         """Take the labels of points away, one action; points without a label stay so."""
-        numbers = sorted(set(points))
-        self._check_points(scan, numbers)
+        numbers = self._checked_points(scan, points)
         self._act([[Click(scan, UNLABELLED, index=point) for point in numbers]])
 
     def undo(self) -> bool:
         """Take the latest action back; False where there is none."""
         if not self._done:
             return False
-        taken = [self.log.undo(number) for number in reversed(self._done.pop())]
-        self._undone.append(taken[::-1])
-        self._tell({clicks[0].scene for clicks in taken})
+        taken = self.log.undo_all(self._done[-1])
+        self._done.pop()
+        self._undone.append(taken)
+        for name in {clicks[0].scene for clicks in taken} & set(self._open):
+            self._follow(name, self._open[name])
         return True
 
     def redo(self) -> bool:
         """Do again what was taken back; False where there is nothing."""
         if not self._undone:
             return False
-        groups = self._undone.pop()
-        self._done.append([self.log.add(*clicks) for clicks in groups])
-        self._tell({clicks[0].scene for clicks in groups})
+        self._add(self._undone[-1])
+        self._undone.pop()
         return True
 
     # ------------------------------------------------------------------ answers
@@ -204,7 +203,8 @@ class Session:
             ConfigError: A file would replace one that was read, or the format is not known.
             SceneError: Nothing is labelled.
         """
-        labelled = [name for name in self.scans if self._clicks_of(name)]
+        clicked = [name for name in self.scans if self.log.actions(name)]
+        labelled = [name for name in clicked if (self.scan(name).annotated >= 0).any()]
         if not labelled:
             raise SceneError('nothing to save: no point is labelled yet')
         check_outputs([self._paths[name] for name in labelled], [self.log.path], out, LabelOptions(format=kind))
@@ -239,55 +239,69 @@ class Session:
 
     def export_clicks(self, path: Path) -> Path:
         """Write the clicks that stand, with the place of each in world coordinates: CSV, JSON or a log."""
-        placed = [replace(click, xyz=self._place(click)) for click in self.log.clicks]
-        write_clicks(path, placed, self.classes)
+        write_clicks(path, [click for name in self.scans for click in self._placed(name)], self.classes)
         return path
 
     # ------------------------------------------------------------------ inside
 
     def _check_scenes(self) -> None:
-        for click in self.log.clicks:
-            if click.scene not in self._paths:
-                raise ClickFileError(
-                    f'{self.log.path}: holds clicks of scan {click.scene!r}, which is none of the scans: '
-                    f'{", ".join(self._paths)}; open that scan, too, or give another log'
-                )
+        for scene in sorted(self.log.scenes - set(self._paths)):
+            raise ClickFileError(
+                f'{self.log.path}: holds clicks of scan {scene!r}, which is none of the scans: '
+                f'{", ".join(self._paths)}; open that scan, too, or give another log'
+            )
 
-    def _check_points(self, scan: str, points: Sequence[int]) -> None:
-        count = len(self.scan(scan).cloud)
-        wrong = [point for point in points if not 0 <= point < count]
-        if wrong or not points:
-            got = f'point {wrong[0]}' if wrong else 'no point'
+    def _checked_points(self, scan: str, points: Iterable[int]) -> list[int]:
+        """The points, each once, ascending."""
+        count, found = len(self.scan(scan).cloud), sorted({index(point) for point in points})
+        if not found or found[0] < 0 or found[-1] >= count:
+            got = f'point {found[0] if found[0] < 0 else found[-1]}' if found else 'no point'
             raise SceneError(f'scan {scan}: expected points 0..{count - 1}, got {got}')
+        return found
 
     def _act(self, groups: list[list[Click]]) -> None:
-        self._done.append([self.log.add(*clicks) for clicks in groups])
+        self._add(groups)
         self._undone = []
-        self._tell({clicks[0].scene for clicks in groups})
 
-    def _clicks_of(self, scan: str) -> list[Click]:
-        return [click for click in self.log.clicks if click.scene == scan]
+    def _add(self, groups: list[list[Click]]) -> None:
+        self._done.append(self.log.add_all(groups))
+        for clicks in groups:
+            if clicks[0].scene in self._open:
+                scan = self._open[clicks[0].scene]
+                scan.set_labels(_labelled(scan.annotated, clicks, scan.cloud))
 
-    def _tell(self, scans: Iterable[str]) -> None:
-        """Tell scans that are open which of their points are labelled."""
-        for name in set(scans) & set(self._open):
-            cloud = self._open[name].cloud
-            found = resolve_clicks(self._clicks_of(name), cloud)
-            annotated: Int[np.ndarray, ' points'] = np.full(len(cloud), UNLABELLED, dtype=np.int64)
-            annotated[found.points] = found.semantic
-            self._open[name].set_labels(annotated)
+    def _follow(self, name: str, scan: AnnotatedScan) -> None:
+        """Label the points of a scan as the log says."""
+        nothing = np.full(len(scan.cloud), UNLABELLED, dtype=np.int64)
+        scan.set_labels(_labelled(nothing, self.log.actions(name), scan.cloud))
 
-    def _place(self, click: Click) -> tuple[float, float, float] | None:
-        if click.index is None:
-            return click.xyz
-        cloud = self.scan(click.scene).cloud
-        x, y, z = (cloud.xyz[click.index].astype(np.float64) + np.asarray(cloud.origin)).tolist()
-        return x, y, z
+    def _placed(self, name: str) -> list[Click]:
+        """The clicks that stand in a scan, each with number and place."""
+        actions = self.log.actions(name)
+        if not actions:
+            return []
+        cloud = self.scan(name).cloud
+        last = dict(zip(point_numbers(actions, cloud).tolist(), actions, strict=True))
+        standing = {point: click for point, click in last.items() if click.semantic >= 0}
+        places = (cloud.xyz[list(standing)].astype(np.float64) + np.asarray(cloud.origin)).tolist()
+        return [
+            Click(name, click.semantic, click.instance, point, (x, y, z))
+            for (point, click), (x, y, z) in zip(standing.items(), places, strict=True)
+        ]
 
     def _given(self, scan: str) -> GivenLabels:
         points = np.flatnonzero(self.scan(scan).annotated >= 0)
         labels = {scan: PointLabels(points, self.scan(scan).annotated[points])}
         return GivenLabels(self.classes, tuple(range(len(self.classes))), labels)
+
+
+def _labelled(
+    annotated: Int[np.ndarray, ' points'], clicks: Sequence[Click], cloud: PointCloud
+) -> Int[np.ndarray, ' points']:
+    """Labels after clicks, of which the later counts."""
+    out = annotated.copy()
+    out[point_numbers(clicks, cloud)] = [click.semantic for click in clicks]
+    return out
 
 
 def default_log(scans: Sequence[Path]) -> Path:

@@ -122,12 +122,12 @@ class Suggester:
         unknown = max(only, 1) / max(len(classes), 1)
         return _Doubt(1.0 - mean.max(axis=1, initial=0.0), 1.0 - near[0], 1.0 - near[1], unknown)
 
-    def _nearest_kept(self, points: Int[np.ndarray, ' labelled']) -> Int[np.ndarray, ' labelled']:
-        """The region that stands for that of each point: itself, or the one that looks most like it."""
-        rows = self._rows[self._scale.region[points]]
+    def _nearest_kept(self, points: Int[np.ndarray, ' labelled']) -> Int[np.ndarray, ' clicked']:
+        """The regions that stand for those of the points, each once: themselves, or those that look most like them."""
+        rows = self._rows[np.unique(self._scale.region[points])]
         if not len(rows):
             return np.zeros(0, dtype=np.int64)
-        return np.asarray(self._alike(rows, self._rows[self.regions]).argmax(axis=1))
+        return np.unique(self._alike(rows, self._rows[self.regions]).argmax(axis=1))
 
     @staticmethod
     def _alike(

@@ -69,7 +69,9 @@ def clicked_labels(path: Path, scans: Sequence[Path], columns: str | None = None
                 'name of a scan without its ending: mend it, or name that scan, too'
             )
         by_scan[click.scene].append(click)
-    _check_classes(scans, f'{path}', {click.semantic for clicks in by_scan.values() for click in clicks})
+    _check_classes(
+        scans, f'{path}', {click.semantic for clicks in by_scan.values() for click in clicks if click.semantic >= 0}
+    )
     found: dict[str, PointLabels] = {}
     for scan in scans:
         annotated = resolve_clicks(by_scan[scan.stem], read_cloud(scan, columns), instances=False)

@@ -1,6 +1,7 @@
 """Clicks become a budget and back: from points in the original file to points of a scene."""
 
 from collections.abc import Callable, Sequence
+from typing import NoReturn
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -70,17 +71,18 @@ def resolve_clicks(
     """The points of one scene that were clicked; see :func:`budget_from_clicks` for the arguments.
 
     Raises:
-        BudgetError: A click is on no point, or contradicts another on the same point.
+        BudgetError: A click is on no point, or contradicts another on the same point. In a log the later counts.
     """
-    found = _point_numbers(clicks, cloud, tolerance, np.arange(len(cloud)) if rows is None else rows)
     labels: dict[int, Click] = {}
-    for number, click in zip(found, clicks, strict=True):
+    for number, click in zip(point_numbers(clicks, cloud, tolerance, rows).tolist(), clicks, strict=True):
         other = labels.setdefault(number, click)
-        if (other.semantic, other.instance) != (click.semantic, click.instance):
+        if click.logged:
+            labels[number] = click
+        elif (other.semantic, other.instance) != (click.semantic, click.instance):
             raise BudgetError(
                 f'{click.where}: point {number} of scene {click.scene} has another label in {other.where}; keep one'
             )
-    index = np.asarray(sorted(labels), dtype=np.int64)
+    index = np.asarray(sorted(number for number in labels if labels[number].semantic >= 0), dtype=np.int64)
     semantic = np.asarray([labels[number].semantic for number in index.tolist()], dtype=np.int64)
     instance = np.asarray([labels[number].instance for number in index.tolist()], dtype=np.int64)
     return AnnotatedPoints(index, semantic, instance if instances else np.full_like(instance, -1))
@@ -100,27 +102,41 @@ def clicks_of(
     ]
 
 
-def _point_numbers(
-    clicks: Sequence[Click], cloud: PointCloud, tolerance: float, rows: Int[np.ndarray, ' original']
-) -> list[int]:
-    places = np.array([click.xyz if click.xyz is not None else (np.nan,) * 3 for click in clicks]).reshape(-1, 3)
-    local = places - np.asarray(cloud.origin)
-    found, distance = _nearest(cloud.xyz, local)
-    for i, click in enumerate(clicks):
-        if click.index is not None:
-            if not 0 <= click.index < len(rows):
-                raise BudgetError(
-                    f'{click.where}: scene {click.scene} has the points 0..{len(rows) - 1}, got index {click.index}'
-                )
-            found[i] = rows[click.index]
-            distance[i] = np.linalg.norm(cloud.xyz[found[i]] - local[i])
-        if click.xyz is not None and not distance[i] <= tolerance:
-            what = 'the nearest point' if click.index is None else f'point {click.index}'
-            raise BudgetError(
-                f'{click.where}: {what} of scene {click.scene} is {distance[i]:.3g} m from the clicked place, more '
-                f'than {tolerance:g} m; give metres in the coordinates of the original file'
-            )
-    return [int(number) for number in found]
+def point_numbers(
+    clicks: Sequence[Click],
+    cloud: PointCloud,
+    tolerance: float = TOLERANCE,
+    rows: Int[np.ndarray, ' original'] | None = None,
+) -> Int[np.ndarray, ' clicks']:
+    """The point of one scene that each click is on; see :func:`budget_from_clicks` for the arguments.
+
+    Raises:
+        BudgetError: A click is on no point.
+    """
+    index = np.array([-1 if click.index is None else click.index for click in clicks], dtype=np.int64)
+    by_number = np.array([click.index is not None for click in clicks], dtype=np.bool_)
+    count = len(cloud) if rows is None else len(rows)
+    for wrong in np.flatnonzero(by_number & ((index < 0) | (index >= count)))[:1]:
+        click = clicks[int(wrong)]
+        raise BudgetError(f'{click.where}: scene {click.scene} has the points 0..{count - 1}, got index {click.index}')
+    found = np.array(index if rows is None else np.where(by_number, rows[index], -1))
+    placed = np.flatnonzero([click.xyz is not None for click in clicks])
+    if len(placed):
+        local = np.array([clicks[i].xyz for i in placed]) - np.asarray(cloud.origin)
+        nearest, distance = _nearest(cloud.xyz, local)
+        found[placed] = np.where(by_number[placed], found[placed], nearest)
+        distance = np.where(by_number[placed], np.linalg.norm(cloud.xyz[found[placed]] - local, axis=1), distance)
+        for wrong in np.flatnonzero(~(distance <= tolerance))[:1]:
+            _raise_far(clicks[int(placed[wrong])], float(distance[wrong]), tolerance)
+    return found
+
+
+def _raise_far(click: Click, distance: float, tolerance: float) -> NoReturn:
+    what = 'the nearest point' if click.index is None else f'point {click.index}'
+    raise BudgetError(
+        f'{click.where}: {what} of scene {click.scene} is {distance:.3g} m from the clicked place, more '
+        f'than {tolerance:g} m; give metres in the coordinates of the original file'
+    )
 
 
 def _nearest(

@@ -12,6 +12,7 @@ import csv
 import io
 import json
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,6 +42,7 @@ class Click:
         index: Point number in the original file, or None where only the place is known.
         xyz: Place in metres, in the coordinates of the original file, or None where only the number is known.
         where: For error messages, such as ``clicks.csv line 3``.
+        logged: From a log, where a later click on the same point counts, and class -1 takes its label away.
 
     Raises:
         ClickFileError: There is no scene, or neither index nor place.
@@ -52,6 +54,7 @@ class Click:
     index: int | None = None
     xyz: tuple[float, float, float] | None = None
     where: str = field(default='click', compare=False)
+    logged: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.scene:
@@ -96,7 +99,8 @@ def read_clicks(path: str | Path, classes: Sequence[str]) -> list[Click]:
     Raises:
         ClickFileError: The file or one of its lines cannot be used; the message names both.
     """
-    return [click_from_row(where, row, classes) for where, row in _rows(Path(path))]
+    logged = Path(path).suffix.lower() == '.jsonl'
+    return [click_from_row(where, row, classes, logged) for where, row in _rows(Path(path))]
 
 
 def click_classes(path: str | Path) -> list[str]:
@@ -105,7 +109,7 @@ def click_classes(path: str | Path) -> list[str]:
     Raises:
         ClickFileError: The file cannot be used.
     """
-    return sorted({str(row['class']).strip() for _, row in _rows(Path(path)) if row.get('class') is not None})
+    return sorted({str(row['class']) for _, row in _rows(Path(path)) if row.get('class') is not None})
 
 
 def write_clicks(path: str | Path, clicks: Sequence[Click], classes: Sequence[str]) -> None:
@@ -138,9 +142,7 @@ def read_click_log(path: str | Path, classes: Sequence[str]) -> LoggedClicks:
     lines, size = _log_lines(Path(path))
     log = _followed(Path(path), lines)
     known = tuple(dict.fromkeys([*classes, *log.colors]))
-    standing = {
-        number: [click_from_row(*each, known) for each in _expanded(line)] for number, line in log.standing.items()
-    }
+    standing = {number: _clicks_of_line(line, known) for number, line in log.standing.items()}
     return LoggedClicks(standing, log.last, size, known, {name: of for name, of in log.colors.items() if of})
 
 
@@ -149,13 +151,18 @@ def log_line(row: Mapping[str, Any]) -> str:
     return json.dumps(row, ensure_ascii=False) + '\n'
 
 
-def row_of_click(click: Click, classes: Sequence[str]) -> dict[str, Any]:
+def row_of_click(click: Click, classes: Sequence[str], lowest: int = 0) -> dict[str, Any]:
     """The fields of a click by their names in a file; those that it lacks are left out.
+
+    Args:
+        click: The click.
+        classes: Class names.
+        lowest: -1: of a log, which may take labels away.
 
     Raises:
         ClickFileError: Its class is not among ``classes``.
     """
-    if not (0 <= click.semantic < len(classes) or click.semantic == UNLABELLED):
+    if not lowest <= click.semantic < len(classes):
         raise ClickFileError(f'{click.where}: class: expected a number 0..{len(classes) - 1}, got {click.semantic}')
     row: dict[str, Any] = {'scene': click.scene}
     if click.index is not None:
@@ -167,34 +174,56 @@ def row_of_click(click: Click, classes: Sequence[str]) -> dict[str, Any]:
 
 
 def row_of_clicks(clicks: Sequence[Click], classes: Sequence[str]) -> dict[str, Any]:
-    """The fields of clicks that were given at once, all of one scene, class and instance.
+    """The fields of clicks that were given at once, all of one scene, class and instance, in a log.
 
     Raises:
         ClickFileError: They differ, have no index, or their class is not among ``classes``.
     """
     if len(clicks) == 1:
-        return row_of_click(clicks[0], classes)
+        return row_of_click(clicks[0], classes, UNLABELLED)
     if len({(click.scene, click.semantic, click.instance) for click in clicks}) != 1:
         raise ClickFileError('clicks given at once: expected at least one, all of one scene, class and instance')
     if any(click.index is None for click in clicks):
         raise ClickFileError(f'{clicks[0].where}: clicks given at once: expected the index of each point')
-    row = row_of_click(clicks[0], classes)
+    row = row_of_click(clicks[0], classes, UNLABELLED)
     kept: dict[str, Any] = {name: row[name] for name in ('class', 'instance') if name in row}
     return {'scene': row['scene'], 'points': [click.index for click in clicks], **kept}
 
 
-def click_from_row(where: str, row: Mapping[str, Any], classes: Sequence[str]) -> Click:
+def class_row(name: str, color: str | None, where: str | Path) -> dict[str, str]:
+    """The fields that name a class; blanks around the name are dropped.
+
+    Args:
+        name: One line of text.
+        color: ``#rrggbb``, or None.
+        where: For error messages.
+
+    Raises:
+        ClickFileError: The name is empty or holds what cannot be printed, such as a line break, or it is no colour.
+    """
+    name = name.strip()
+    if not name or not name.isprintable():
+        raise ClickFileError(f'{where}: a class needs a name: expected one line of text, got {name!r}')
+    if color is None:
+        return {'add': name}
+    if not re.fullmatch('#[0-9a-fA-F]{6}', color):
+        raise ClickFileError(f'{where}: class {name!r}: color: expected #rrggbb, got {color!r}')
+    return {'add': name, 'color': color}
+
+
+def click_from_row(where: str, row: Mapping[str, Any], classes: Sequence[str], logged: bool = False) -> Click:
     """The click of named fields.
 
     Args:
         where: File and line, for error messages.
         row: Field -> text or number; other fields are ignored.
         classes: Class names.
+        logged: See :class:`Click`.
 
     Raises:
         ClickFileError: A field is missing or cannot be used.
     """
-    cells = {name: '' if row.get(name) is None else str(row[name]).strip() for name in COLUMNS}
+    cells = {name: '' if row.get(name) is None else str(row[name]) for name in COLUMNS}
     place = [(name, cells[name]) for name in 'xyz']
     numbers = [_number(where, name, cell, float) for name, cell in place] if all(cell for _, cell in place) else None
     return Click(
@@ -204,6 +233,7 @@ def click_from_row(where: str, row: Mapping[str, Any], classes: Sequence[str]) -
         index=int(_number(where, 'index', cells['index'], int)) if cells['index'] else None,
         xyz=None if numbers is None else (numbers[0], numbers[1], numbers[2]),
         where=where,
+        logged=logged,
     )
 
 
@@ -237,14 +267,17 @@ def _csv_rows(path: Path) -> list[Line]:
             f'scene,x,y,z,class[,instance]; got {",".join(names)!r}'
         )
     reader.fieldnames = names
-    return [(f'{path} line {reader.line_num}', row) for row in reader]
+    return [
+        (f'{path} line {reader.line_num}', {name: cell.strip() for name, cell in row.items() if isinstance(cell, str)})
+        for row in reader
+    ]
 
 
 def latest(clicks: Iterable[Click]) -> list[Click]:
     """Of clicks on one point the last; those that take a label away are left out."""
     out: dict[tuple[str, int | str], Click] = {}
     for click in clicks:
-        key = (click.scene, click.where if click.index is None else click.index)
+        key = (click.scene, str(click.xyz) if click.index is None else click.index)
         out.pop(key, None)
         out[key] = click
     return [click for click in out.values() if click.semantic >= 0]
@@ -252,13 +285,16 @@ def latest(clicks: Iterable[Click]) -> list[Click]:
 
 def _log_rows(path: Path) -> list[Line]:
     standing = _followed(path, _log_lines(path)[0]).standing
+    lines = [each for line in standing.values() for each in _expanded(line)]
+    placed = {row.get('scene') for _, row in lines if row.get('index') is None}
     rows: dict[tuple[Any, ...], Line] = {}
-    for line in standing.values():
-        for where, row in _expanded(line):
-            key = (row.get('scene'), row.get('index', where))
-            rows.pop(key, None)
-            rows[key] = (where, row)
-    return [line for line in rows.values() if not _takes_away(line[1])]
+    for where, row in lines:
+        index = row.get('index')
+        key = (row.get('scene'), where if index is None else index)
+        rows.pop(key, None)
+        rows[key] = (where, row)
+    # which point a place is on only the scan tells: there, labels that are taken away stay in until it is known
+    return [line for line in rows.values() if not _takes_away(line[1]) or line[1].get('scene') in placed]
 
 
 def _takes_away(row: Mapping[str, Any]) -> bool:
@@ -268,12 +304,25 @@ def _takes_away(row: Mapping[str, Any]) -> bool:
 def _expanded(line: Line) -> list[Line]:
     """A line for each point of a click that labels many at once."""
     where, row = line
-    points = row.get('points')
-    if points is None:
-        return [line]
-    if not isinstance(points, list) or not points:
-        raise ClickFileError(f'{where}: points: expected a list of numbers of points, got {points!r}')
-    return [(where, {**row, 'index': point}) for point in points]
+    return [line] if row.get('points') is None else [(where, {**row, 'index': point}) for point in _points(line)]
+
+
+def _clicks_of_line(line: Line, classes: Sequence[str]) -> list[Click]:
+    where, row = line
+    if row.get('points') is None:
+        return [click_from_row(where, row, classes, logged=True)]
+    points = _points(line)
+    first = click_from_row(where, {**row, 'index': points[0]}, classes, logged=True)
+    scene, semantic, instance = first.scene, first.semantic, first.instance
+    return [Click(scene, semantic, instance, point, None, where, True) for point in points]
+
+
+def _points(line: Line) -> list[int]:
+    where, row = line
+    points = row['points']
+    if not isinstance(points, list) or not points or not {type(point) for point in points} <= {int}:
+        raise ClickFileError(f'{where}: points: expected a list of numbers of points, got {str(points)[:40]}')
+    return points
 
 
 def _followed(path: Path, lines: Sequence[Line]) -> _Log:
@@ -288,7 +337,8 @@ def _followed(path: Path, lines: Sequence[Line]) -> _Log:
             if not isinstance(row['undo'], int) or standing.pop(row['undo'], None) is None:
                 raise ClickFileError(f'{where}: undo: no click {row["undo"]!r} stands before this line')
         elif 'add' in row:
-            colors[str(row['add'])] = row.get('color') or colors.get(str(row['add']))
+            named = class_row(str(row['add']), row.get('color'), where)
+            colors[named['add']] = named.get('color') or colors.get(named['add'])
         elif 'rename' in row:
             colors = _renamed(where, row, colors)
             standing = {number: _with_class(line, row) for number, line in standing.items()}

@@ -133,8 +133,58 @@ def test_classes_are_named_coloured_and_renamed_in_the_log(tmp_path):
     assert again.classes == log.classes == ('oak', 'road') and again.colors == log.colors == {'oak': '#00ff00'}
     assert [(c.index, c.semantic) for c in again.clicks] == [(3, 0), (4, 0)]
     assert [c.semantic for c in read_clicks(path, ['road', 'oak'])] == [1, 1]  # names count, not numbers
-    for old, new in (('pine', 'fir'), ('oak', 'road'), ('oak', ' ')):
+    for old, new in (('pine', 'fir'), ('oak', 'road')):
         with pytest.raises(ClickFileError, match='expected a class added here and a free name'):
             log.rename_class(old, new)
-    with pytest.raises(ClickFileError, match='needs a name'):
-        log.add_class('  ')
+    before = path.read_bytes()
+    for name in ('  ', 'a\nb', 'a\0', '\ud800', 'a\u2028b'):
+        for action in (log.add_class, lambda name: log.rename_class('oak', name)):
+            with pytest.raises(ClickFileError, match='needs a name: expected one line of text'):
+                action(name)
+    with pytest.raises(ClickFileError, match=r"'oak': color: expected #rrggbb, got 'red'"):
+        log.add_class('oak', 'red')
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize('name', ['<b>x</b>', 'a,b', '"q"', "a'b", 'ünï☃', ' lead', 'trail ', '5', '-1', 'null'])
+def test_odd_names_come_back(tmp_path, name):
+    log = ClickLog(tmp_path / 's.jsonl')
+    assert [log.add_class('other'), log.add_class(name), log.add_class(name)] == [0, 1, 1]
+    log.add(Click(' scene of blanks', 1, index=3))
+    again = ClickLog(log.path)
+    assert again.classes == ('other', name.strip()) and again.clicks == log.clicks
+    for ending in ('csv', 'json', 'jsonl'):
+        write_clicks(tmp_path / f'out.{ending}', [click(3, 1)], log.classes)
+        assert read_clicks(tmp_path / f'out.{ending}', log.classes) == [click(3, 1)]
+
+
+def test_what_another_program_wrote_meanwhile_is_not_mixed_in(tmp_path):
+    one = ClickLog(tmp_path / 's.jsonl', CLASSES)
+    one.add(click(1))
+    ClickLog(one.path, CLASSES).add(click(2))
+    before = one.path.read_bytes()
+    with pytest.raises(ClickFileError, match='another program changed this file'):
+        one.add(click(3))
+    assert one.path.read_bytes() == before and ClickLog(one.path, CLASSES).clicks == [click(1), click(2)]
+
+
+def test_a_line_that_did_not_reach_the_disk_is_not_in_the_file(tmp_path, monkeypatch):
+    log = ClickLog(tmp_path / 's.jsonl', CLASSES)
+    log.add(click(1))
+
+    def broken(handle):
+        raise OSError(5, 'Input/output error')
+
+    with monkeypatch.context() as patched, pytest.raises(OSError, match='Input/output'):
+        patched.setattr('rm3d_plugin.annotation.click_log.os.fsync', broken)
+        log.add(click(2))
+    log.add(click(3))
+    assert ClickLog(log.path, CLASSES).clicks == log.clicks == [click(1), click(3)]
+
+
+@pytest.mark.parametrize('points', ['[]', '[1.5]', '["a"]', '[true]', '{}', '7'])
+def test_points_that_are_no_numbers_are_told(tmp_path, points):
+    path = ClickLog(tmp_path / 's.jsonl', CLASSES).path
+    path.write_text(path.read_text() + f'{{"click": 1, "scene": "s", "points": {points}, "class": "box"}}\n')
+    with pytest.raises(ClickFileError, match='line 2: points: expected a list of numbers of points'):
+        ClickLog(path, CLASSES)

@@ -75,6 +75,19 @@ def test_what_cannot_be_is_said_on_the_page(opened):
     assert client.told[2] == 'nothing to undo'
 
 
+def test_a_scan_that_cannot_be_read_is_said_and_the_one_before_stays(tmp_path):
+    xyz, _ = corner()
+    columns = {axis: xyz[:, i] for i, axis in enumerate('xyz')}
+    scans = [write_ply(tmp_path / 'corner.ply', columns)]
+    scans.append(write_ply(tmp_path / 'empty.ply', {axis: values[:0] for axis, values in columns.items()}))
+    with Session(scans, classes=['floor']) as session:
+        page, client = AnnotationPage(session, tmp_path / 'out', port=18080), Client()
+        page._scan.value = 'empty'
+        page._guarded(lambda event: page._switch('empty'))(SimpleNamespace(client=client))
+        assert 'holds no points' in client.told[-1] and page._scan.value == page._name == 'corner'
+        page.stop()
+
+
 def test_a_full_disk_is_said_and_loses_nothing(opened, monkeypatch):
     page, semantic = opened
     client, click = Client(), page._guarded(page._clicked)

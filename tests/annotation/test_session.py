@@ -1,12 +1,17 @@
 """A session without any web: every action is answered from the disk's point of view, and labels follow."""
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from reference.corner_scan import FLOOR, WALL, corner, few
 
-from rm3d_plugin.annotation import ClickFileError, ClickLog, Session, read_clicks
+from rm3d_plugin.annotation import Click, ClickFileError, ClickLog, Session, read_clicks
+from rm3d_plugin.label_budgets.base import BudgetError
+from rm3d_plugin.label_budgets.clicks import resolve_clicks
 from rm3d_plugin.storage.locks import FolderInUseError
 from rm3d_plugin.storage.ply import read_ply, write_ply
 from rm3d_plugin.structures import SceneError
@@ -83,6 +88,23 @@ def test_every_answered_action_is_on_the_disk(scan):
         assert {click.index: click.semantic for click in read_clicks(log, names)} == expected
 
 
+def test_a_killed_session_keeps_every_answered_action(scan):
+    script, log = Path(__file__).with_name('killed_session.py'), scan[0].with_name('corner.clicks.jsonl')
+    for seed in range(2):
+        command = [sys.executable, str(script), str(scan[0]), str(seed)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+            told = [process.stdout.readline() for _ in range(40)]
+            process.kill()
+            told += process.stdout.readlines()
+        answered = {
+            int(point): own for point, own in json.loads([row for row in told if row.endswith(b'\n')][-1]).items()
+        }
+        found = [{click.index: click.semantic for click in ClickLog(log).clicks}]
+        log.write_bytes(b''.join(log.read_bytes().splitlines(keepends=True)[:-1]))
+        found.append({click.index: click.semantic for click in ClickLog(log).clicks})
+        assert answered in found  # one more action may be there, which was not answered
+
+
 def test_a_region_is_labelled_as_a_whole(scan):
     with started(scan[0]) as session:
         session.region('corner', 100, 'wall')
@@ -153,6 +175,69 @@ def test_what_cannot_be_is_told_and_changes_nothing(scan, tmp_path):
             with pytest.raises(error, match=words):
                 action()
         assert session.log.path.read_text() == before and not (tmp_path / 'out').exists()
+
+
+def test_places_and_numbers_in_one_log_are_clicks_on_one_point(scan, tmp_path):
+    log = ClickLog(tmp_path / 's.jsonl')
+    log.add_class('floor'), log.add_class('wall')
+    with started(scan[0], log=tmp_path / 'other.jsonl') as session:
+        cloud = session.scan('corner').cloud
+    places = cloud.xyz.astype(np.float64) + cloud.origin
+    for point in (5, 6, 7, 8):
+        log.add(Click('corner', FLOOR, xyz=tuple(places[point])))
+    assert len(log.clicks) == 4
+    log.add(Click('corner', WALL, index=5))
+    log.add(Click('corner', WALL, xyz=tuple(places[8])))
+    with started(scan[0], log=log.path) as session:
+        session.erase('corner', [6])
+        assert annotated_points(session) == {5: WALL, 7: FLOOR, 8: WALL}
+        exported = session.export_clicks(tmp_path / 'clicks.csv')
+    budget = resolve_clicks(read_clicks(log.path, ['floor', 'wall']), cloud)
+    assert dict(zip(budget.points.tolist(), budget.semantic.tolist(), strict=True)) == {5: WALL, 7: FLOOR, 8: WALL}
+    told = {click.index: click.semantic for click in read_clicks(exported, ['floor', 'wall'])}
+    assert told == {5: WALL, 7: FLOOR, 8: WALL}
+
+
+def test_a_log_of_another_scan_of_that_name_is_refused_each_time(scan, tmp_path):
+    log = ClickLog(tmp_path / 's.jsonl')
+    log.add_class('floor')
+    log.add(Click('corner', FLOOR, index=10**6))
+    with started(scan[0], log=log.path) as session:
+        for _ in range(2):
+            with pytest.raises(BudgetError, match=r'has the points 0\.\.1799, got index 1000000'):
+                session.scan('corner')
+
+
+def test_an_action_on_a_full_disk_can_be_done_again(scan, tmp_path, monkeypatch):
+    exported = tmp_path / 'clicks.csv'
+    exported.write_text('scene,index,class\ncorner,1,floor\ncorner,2,wall\n')
+    with started(scan[0]) as session:
+        session.click('corner', 5, 'floor')
+        session.click('corner', 6, 'floor')
+        assert session.undo()
+
+        def fails(action):
+            with monkeypatch.context() as patched, pytest.raises(ClickFileError, match='the disk is full'):
+                patched.setattr('rm3d_plugin.annotation.click_log.os.write', lambda handle, line: len(line) // 2)
+                action()
+
+        for action in (session.undo, session.redo, lambda: session.import_clicks(exported)):
+            fails(action)
+        assert annotated_points(session) == {5: FLOOR}
+        assert session.redo() and session.undo() and session.undo() and annotated_points(session) == {}
+        assert session.import_clicks(exported) == 2
+        fails(session.undo)
+        assert annotated_points(session) == {1: FLOOR, 2: WALL} and session.undo() and annotated_points(session) == {}
+        assert {click.index for click in ClickLog(session.log.path).clicks} == set()
+
+
+def test_points_may_be_of_numpy_and_a_stroke_of_all_points_is_quick(scan):
+    with started(scan[0]) as session:
+        session.click('corner', np.int64(3), 'floor')
+        session.brush('corner', np.arange(1800), 'wall')
+        assert session.suggest('corner') == []  # no region is left
+        session.erase('corner', np.arange(900))
+        assert len(annotated_points(session)) == 900 and session.suggest('corner')
 
 
 def test_two_sessions_on_one_log_are_told(scan, monkeypatch):
