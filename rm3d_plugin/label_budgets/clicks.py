@@ -122,7 +122,7 @@ def point_numbers(
     found = np.array(index if rows is None else np.where(by_number, rows[index], -1))
     placed = np.flatnonzero([click.xyz is not None for click in clicks])
     if len(placed):
-        local = np.array([clicks[i].xyz for i in placed]) - np.asarray(cloud.origin)
+        local = np.array([clicks[i].xyz for i in placed.tolist()]) - np.asarray(cloud.origin)
         nearest, distance = _nearest(cloud.xyz, local)
         found[placed] = np.where(by_number[placed], found[placed], nearest)
         distance = np.where(by_number[placed], np.linalg.norm(cloud.xyz[found[placed]] - local, axis=1), distance)
