@@ -126,7 +126,7 @@ class AnnotationPage:
         low, high = np.quantile(xyz, [0.02, 0.98], axis=0)
         middle, reach = (low + high) / 2, float(np.linalg.norm(high - low))
         self.server.initial_camera.look_at = tuple(middle)
-        self.server.initial_camera.position = tuple(middle + reach * np.array([-0.5, -0.7, 0.6]))
+        self.server.initial_camera.position = tuple(middle + reach * np.array([0.15, -0.45, 0.75]))
         if self._mark is not None:
             self._mark.remove()
         self._draw()
