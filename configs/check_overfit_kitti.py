@@ -23,7 +23,7 @@ checkpoint_interval = 20
 demo = dict(
     _delete_=True,
     data_root='data/demo_streets',
-    demo_data=dict(scenes='streets', num_train=100, num_val=40, seed=0),
+    demo_data=dict(scenes='streets', num_train=70, num_val=30, seed=0),
     oversegmenter=dict(max_edge=0.3, range_growth=0.015),  # m; the virtual lidar has half as many points a turn
     sigma=8,
     periods=[8],

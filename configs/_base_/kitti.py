@@ -54,7 +54,7 @@ objects = dict(
 # --- What --demo changes: data, sizes, epochs
 demo = dict(
     data_root='data/demo_streets',
-    demo_data=dict(scenes='streets', num_train=100, num_val=40, seed=0),
+    demo_data=dict(scenes='streets', num_train=70, num_val=30, seed=0),
     oversegmenter=dict(max_edge=0.3, range_growth=0.015),  # m; the virtual lidar has half as many points a turn
     voxel_size=0.15,
     widths=[16, 32, 48, 64],

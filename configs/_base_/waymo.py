@@ -51,7 +51,7 @@ objects = dict(  # as on KITTI's page
 # --- What --demo changes: data, sizes, epochs
 demo = dict(
     data_root='data/demo_waymo',
-    demo_data=dict(scenes='waymo_streets', num_train=100, num_val=40, seed=0),
+    demo_data=dict(scenes='waymo_streets', num_train=70, num_val=30, seed=0),
     every=1,
     oversegmenter=dict(max_edge=0.3, range_growth=0.015),  # m; the virtual lidar has half as many points a turn
     voxel_size=0.15,
