@@ -13,9 +13,10 @@ from rm3d_plugin.inference.label_scan import (
     drawn_points,
     label_prepared,
     nearest_drawn,
+    prepare_drawn,
     regions_of_prepared,
 )
-from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud, prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.live import LiveAnswer, LivePropagation
 from rm3d_plugin.storage.columns import read_columns
 from rm3d_plugin.storage.scans import scan_of_columns
@@ -49,8 +50,7 @@ class AnnotatedScan:
     @cached_property
     def scene(self) -> PreparedCloud:
         """Graph and features of the points that labels spread over: all, or those that were drawn."""
-        whole = len(self._drawn) == len(self.cloud)
-        return prepare_cloud(self.cloud if whole else self.cloud.select(self._drawn))
+        return prepare_drawn(self.cloud, self._drawn)
 
     @cached_property
     def region(self) -> Int[np.ndarray, ' points']:

@@ -120,8 +120,6 @@ class AnnotationPage:
         self._current: AnnotatedScan = self.session.scan(name)
         self._name, self._note, self._estimate = name, '', ''
         xyz = self._current.cloud.xyz
-        step = -(-len(xyz) // SHOWN)
-        self._shown: Int[np.ndarray, ' shown'] = np.arange(0, len(xyz), step)
         self._labels: LabelledScan = self.session.labels(name)
         low, high = np.quantile(xyz, [0.02, 0.98], axis=0)
         middle, reach = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -148,7 +146,7 @@ class AnnotationPage:
         low, high = np.percentile(xyz[:, 2], np.asarray(self._heights.value, dtype=np.float64))
         step = -(-len(xyz) // SHOWN)
         every = np.arange(0, len(xyz), step)
-        self._shown = every[(xyz[every, 2] >= low) & (xyz[every, 2] <= high)]
+        self._shown: Int[np.ndarray, ' shown'] = every[(xyz[every, 2] >= low) & (xyz[every, 2] <= high)]
         self._width = float(self._size.value) * self._current.scene.spacing * np.sqrt(step) / 2
         self._cloud = self.server.scene.add_point_cloud(
             'scan', xyz[self._shown], self._colors(), point_size=self._width, point_shape='circle', precision='float32'

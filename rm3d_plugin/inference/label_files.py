@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.given_labels import GivenLabels
-from rm3d_plugin.inference.label_scan import LabelledScan, at_all_points, drawn_points, label_prepared
+from rm3d_plugin.inference.label_scan import LabelledScan, at_all_points, drawn_points, label_prepared, prepare_drawn
 from rm3d_plugin.inference.outputs import check_folder, check_targets
 from rm3d_plugin.inference.predict import check_names
 from rm3d_plugin.inference.predict_formats import (
@@ -26,7 +26,7 @@ from rm3d_plugin.inference.predict_formats import (
     write_prediction,
 )
 from rm3d_plugin.inference.scan_kind import ScanKind, scan_kind
-from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud, examples_of, prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud, examples_of
 from rm3d_plugin.storage import write_json
 from rm3d_plugin.storage.columns import read_columns, split_names
 from rm3d_plugin.storage.labelled import labelled_ending, write_labelled
@@ -110,7 +110,7 @@ class LabelledFiles:
         columns = read_columns(scan, self.options.columns)
         cloud, began = scan_of_columns(columns, scan).cloud, time.perf_counter()
         drawn = drawn_points(len(cloud), np.flatnonzero(self.annotated(scan, len(cloud)) >= 0))
-        scene = prepare_cloud(cloud.select(drawn) if len(drawn) < len(cloud) else cloud)
+        scene = prepare_drawn(cloud, drawn)
         return PreparedScan(columns, cloud, drawn, scene, time.perf_counter() - began)
 
     def labelled(self, scan: Path, beside: Beside) -> LabelledScan:

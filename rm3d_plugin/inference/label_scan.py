@@ -99,7 +99,7 @@ def label_scan(
     """
     began = time.perf_counter()
     drawn = drawn_points(len(cloud), np.flatnonzero(annotated >= 0))
-    scene = prepare_cloud(cloud.select(drawn) if len(drawn) < len(cloud) else cloud)
+    scene = prepare_drawn(cloud, drawn)
     found = label_prepared(scene, annotated[drawn], num_classes, check, seed, Beside())
     return replace(at_all_points(found, cloud, drawn), seconds=time.perf_counter() - began)
 
@@ -125,6 +125,11 @@ def drawn_points(
     drawn[np.random.default_rng(0).choice(others, min(most, len(others)), replace=False)] = True
     drawn[labelled] = True
     return np.flatnonzero(drawn)
+
+
+def prepare_drawn(cloud: PointCloud, drawn: Int[np.ndarray, ' drawn']) -> PreparedCloud:
+    """Graph and features of the points of :func:`drawn_points`."""
+    return prepare_cloud(cloud.select(drawn) if len(drawn) < len(cloud) else cloud)
 
 
 def at_all_points(found: LabelledScan, cloud: PointCloud, drawn: Int[np.ndarray, ' drawn']) -> LabelledScan:
@@ -196,7 +201,7 @@ def label_prepared(
 def regions_of(cloud: PointCloud) -> Int[np.ndarray, ' points']:
     """:func:`regions_of_prepared` of any scan."""
     drawn = drawn_points(len(cloud), np.zeros(0, dtype=np.int64))
-    region = regions_of_prepared(prepare_cloud(cloud.select(drawn) if len(drawn) < len(cloud) else cloud))
+    region = regions_of_prepared(prepare_drawn(cloud, drawn))
     return region if len(drawn) == len(cloud) else region[nearest_drawn(cloud, drawn)]
 
 
