@@ -15,7 +15,9 @@ from rm3d_plugin.models.losses.proposal_dice import ProposalDice
 from rm3d_plugin.models.losses.reduction import ReducedLoss, Reduction, reduce_loss
 from rm3d_plugin.models.losses.scene_class_loss import SceneClassLoss, scene_class_loss
 from rm3d_plugin.models.losses.scene_classes import SceneClasses
+from rm3d_plugin.models.losses.scheduled_loss import ScheduledLoss
 from rm3d_plugin.models.losses.view_consistency import ViewConsistency
+from rm3d_plugin.models.losses.view_supervision import ViewSupervision, labels_of_rows
 from rm3d_plugin.models.losses.votenet_loss import VoteNetLoss
 from rm3d_plugin.models.losses.weak_supervision import WeakSupervision
 
@@ -33,13 +35,16 @@ __all__ = [
     'Reduction',
     'SceneClassLoss',
     'SceneClasses',
+    'ScheduledLoss',
     'ViewConsistency',
+    'ViewSupervision',
     'VoteNetLoss',
     'WeakSupervision',
     'class_weights',
     'dice_loss',
     'js_aug_loss',
     'js_divergence',
+    'labels_of_rows',
     'mse_aug_loss',
     'offset_loss',
     'point_cross_entropy',
