@@ -131,9 +131,12 @@ class RM3DSegmentor(PointModel):
         """Class probabilities and, with an instance head, centres and instances.
 
         With ``predict_points`` they are what making labels needs: read from one side, as the network says them, without
-        instances.
+        instances, and with ``predict_features`` the features beside them.
         """
-        reader = SceneReader(self.inputs, self.num_classes, self.inference, self.backbone, self._heads, self.progress)
+        columns = self.backbone.out_channels if self.predict_points and self.predict_features else 0
+        reader = SceneReader(
+            self.inputs, self.num_classes, columns, self.inference, self.backbone, self._heads, self.progress
+        )
         scenes = reader.read(batch, once=self.predict_points)
         for sample, points, scene in zip(samples, batch.points.split(batch.sizes), scenes, strict=True):
             probs = scene.probs
@@ -141,6 +144,8 @@ class RM3DSegmentor(PointModel):
                 probs = settled(probs, sample, self.inference, self.semantic_head.class_counts.cpu())
                 probs = probs if self.refine is None else self.refine(points.cpu(), probs)
             sample.pred_point_probs = probs
+            if scene.features is not None:
+                sample.pred_point_features = scene.features
             if scene.offsets is None:
                 continue
             sample.pred_point_centers = scene.xyz + scene.offsets
