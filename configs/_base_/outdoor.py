@@ -139,11 +139,13 @@ model = dict(
 )
 
 # --- Losses (METHOD 7). One that is None is left out, and one of your own is a further entry.
-losses = ['${point_loss}', '${aug_loss}']
+losses = ['${point_loss}', '${aug_loss}', '${method_loss}']
 class_balance = 'batch'  # by the labels of a batch; 'frequency': by the annotated labels; 'none'
 class_power = 0.5  # weight of a class = labels of it ^ -0.5: wires and poles are a thousandth of the points
 pseudo_weight = 1.0  # of a label that the budget did not show
 annotated_share = 0.2  # of L_WSL that annotated labels have; those that propagate are mostly of wide flat things
+method_loss = None  # of a compared method
+method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
 point_loss = dict(
     type='WeakSupervision',
     balance='${class_balance}',
@@ -222,6 +224,7 @@ custom_hooks = [
         dataloader='${label_dataloader}',
         label_maker='${label_maker}',
     ),
+    '${method_hook}',
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),
     dict(type='ReportHook'),

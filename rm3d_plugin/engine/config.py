@@ -69,6 +69,8 @@ def load_config(
     if 'num_classes' in config and 'class_names' in config:
         _count_classes(config)
     resolved = Config(resolve(config.to_dict(), path), filename=config.filename)
+    if 'custom_hooks' in resolved:  # as among losses, one that is None is left out
+        resolved.custom_hooks = [hook for hook in resolved.custom_hooks if hook is not None]
     for key in WHOLE:
         if key in resolved:
             _count(resolved, key)

@@ -5,7 +5,15 @@ tensors and know no model. A :class:`LossTerm` says what of a batch they compare
 """
 
 from rm3d_plugin.models.losses.aug_loss import JSAugLoss, MSEAugLoss, js_aug_loss, js_divergence, mse_aug_loss
+from rm3d_plugin.models.losses.contrastive import contrastive_loss, hardest_contrastive_loss
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
+from rm3d_plugin.models.losses.divergences import (
+    CONVENTIONS,
+    Convention,
+    DivergenceLoss,
+    divergence,
+    soft_cross_entropy,
+)
 from rm3d_plugin.models.losses.instance_dice import InstanceDice
 from rm3d_plugin.models.losses.instance_offsets import InstanceOffsets
 from rm3d_plugin.models.losses.loss_term import LossTerm
@@ -22,7 +30,10 @@ from rm3d_plugin.models.losses.votenet_loss import VoteNetLoss
 from rm3d_plugin.models.losses.weak_supervision import WeakSupervision
 
 __all__ = [
+    'CONVENTIONS',
+    'Convention',
     'DiceLoss',
+    'DivergenceLoss',
     'InstanceDice',
     'InstanceOffsets',
     'JSAugLoss',
@@ -41,7 +52,10 @@ __all__ = [
     'VoteNetLoss',
     'WeakSupervision',
     'class_weights',
+    'contrastive_loss',
     'dice_loss',
+    'divergence',
+    'hardest_contrastive_loss',
     'js_aug_loss',
     'js_divergence',
     'labels_of_rows',
@@ -50,4 +64,5 @@ __all__ = [
     'point_cross_entropy',
     'reduce_loss',
     'scene_class_loss',
+    'soft_cross_entropy',
 ]
