@@ -21,7 +21,21 @@ from rm3d_plugin.storage.locks import waiting_lock
 
 VERSION = 1  # raise it when the same settings give other weights than before
 VIEW = 'AugmentedView'  # the step of a pipeline in whose place two crops are taken
+LABELLED = 'LabelledObjectPaste'  # a step that reads labels
 RECORD = 'pretraining.json'
+
+
+class Task(NamedTuple):
+    """All that decides what is learnt; the scans of ``dataset`` count by their points."""
+
+    loss: Mapping[str, Any]
+    network: Mapping[str, Any]
+    optimizer: Mapping[str, Any]
+    pipeline: Sequence[Mapping[str, Any]]
+    epochs: int
+    batch_size: int
+    seed: int
+    dataset: Mapping[str, Any]
 
 
 class Schooling(NamedTuple):
@@ -37,18 +51,17 @@ class Schooling(NamedTuple):
 class PretrainingHook(Hook):
     """Before training, the backbone learns by a loss on two overlapping crops of each scan; no label is read.
 
-    What was learnt lies in a cache under a name of the scans and of all settings. So runs with other label budgets and
-    seeds share it, and the first of them pays for it. A pre-training that was interrupted goes on from its last epoch.
-    The work directory's ``pretraining.json`` says what it took, in seconds of the processor.
+    Scans, steps of the pipeline, batch size, optimizer and length are those of training. What was learnt lies in a cache
+    under a name of the scans and of all settings. So runs with other label budgets and seeds share it, and the
+    first of them pays for it. A pre-training that was interrupted goes on from its last epoch. The work directory's
+    ``pretraining.json`` says what it took, in seconds of the processor.
 
     Args:
         loss: Config of a loss term that reads ``features`` and views.
-        dataset: Config of the training scans; its labels and its pipeline are left out.
-        pipeline: That of training; its :class:`AugmentedView` gives way to ``crops``.
-        epochs: Over the training scans.
-        batch_size: Scans a step.
         cache: Folder; shared by runs.
-        crops: Fields of :class:`~rm3d_plugin.datasets.transforms.OverlappingCrops`.
+        epochs: Over the training scans; None: as many as training has.
+        crops: Fields of :class:`~rm3d_plugin.datasets.transforms.OverlappingCrops`, which take the place of the
+            pipeline's :class:`AugmentedView`.
         seed: Of start and augmentation; not that of the run, which chooses the budget.
     """
 
@@ -57,29 +70,25 @@ class PretrainingHook(Hook):
     def __init__(
         self,
         loss: dict[str, Any],
-        dataset: dict[str, Any],
-        pipeline: Sequence[dict[str, Any] | None],
-        epochs: int,
-        batch_size: int,
         cache: str,
+        epochs: int | None = None,
         crops: dict[str, Any] | None = None,
         seed: int = 0,
     ) -> None:
-        if epochs < 1 or batch_size < 1:
-            raise ValueError(f'PretrainingHook: expected epochs and batch_size >= 1, got {epochs} and {batch_size}')
-        self.loss, self.epochs, self.batch_size, self.seed = loss, epochs, batch_size, seed
-        self.cache = Path(cache) / 'pretraining'
-        steps = crop_pipeline(pipeline, {'type': 'OverlappingCrops', **(crops or {})})
-        self.dataset = {**dataset, 'labels': 'none', 'label_store': None, 'seed': seed, 'pipeline': steps}
+        if epochs is not None and epochs < 1:
+            raise ValueError(f'PretrainingHook.epochs: expected at least 1, or None, got {epochs}')
+        self.loss, self.cache, self.seed = loss, Path(cache) / 'pretraining', seed
+        self.epochs, self.crops = epochs, {'type': 'OverlappingCrops', **(crops or {})}
 
     def before_train(self, runner: Runner) -> None:
         """Learn, or take what was learnt; a resumed run has it already."""
         if runner.epoch:
             return
-        path = self.cache / f'{self._key(runner.cfg)}.pth'
+        task = self._task(runner)
+        path = self.cache / f'{content_key(VERSION, *task[:-1], _places(task.dataset))}.pth'
         if is_main_process():
             with waiting_lock(path.with_suffix('.lock')):
-                self._learn(runner, path)
+                self._learn(runner, task, path)
         barrier()
         state = torch.load(path, map_location='cpu', weights_only=True)
         getattr(runner.model, 'module', runner.model).backbone.load_state_dict(state['backbone'])
@@ -88,60 +97,68 @@ class PretrainingHook(Hook):
             write_json(Path(runner.work_dir) / RECORD, took)
             runner.logger.info(f'pre-training took {state["cpu_seconds"]:.0f} CPU seconds; its weights: {path}')
 
-    def _key(self, cfg: Mapping[str, Any]) -> str:
-        """Names what is learnt: settings, network and scans."""
-        scans = DATASETS.build({**self.dataset, 'pipeline': []})
-        places = [content_key(scans.load_cloud(index).xyz) for index in range(len(scans))]
-        network = {name: cfg['model'].get(name) for name in ('type', 'backbone', 'inputs', 'heights')}
-        how = {'optimizer': cfg['optim_wrapper'], 'epochs': self.epochs, 'batch': self.batch_size, 'seed': self.seed}
-        return content_key(VERSION, self.loss, self.dataset['pipeline'], network, how, places)
+    def _task(self, runner: Runner) -> Task:
+        """What is learnt in this run."""
+        cfg, loader = runner.cfg, runner.cfg.train_dataloader
+        network = {name: cfg.model.get(name) for name in ('type', 'backbone', 'inputs', 'heights')}
+        pipeline = crop_pipeline(loader.dataset.pipeline, self.crops)
+        dataset = {**loader.dataset, 'labels': 'none', 'label_store': None, 'seed': self.seed, 'pipeline': pipeline}
+        length = self.epochs or runner.max_epochs
+        return Task(self.loss, network, cfg.optim_wrapper, pipeline, length, loader.batch_size, self.seed, dataset)
 
-    def _learn(self, runner: Runner, path: Path) -> None:
+    def _learn(self, runner: Runner, task: Task, path: Path) -> None:
         """Go through the epochs that are left."""
         with torch.random.fork_rng(devices=[]):  # the run's own draws are those of a run without pre-training
             torch.manual_seed(self.seed)
-            school = self._school(runner)
+            school = _school(runner, task)
             done, seconds = _take_up(school, path)
-            for epoch in range(done, self.epochs):
+            for epoch in range(done, task.epochs):
                 torch.manual_seed(self.seed + epoch)
                 watch = time.process_time()
                 means = one_epoch(school, epoch)
                 seconds += time.process_time() - watch
                 told = ', '.join(f'{name} {value:.4f}' for name, value in means.items())
-                runner.logger.info(f'pre-training, epoch {epoch + 1} of {self.epochs}: {told}')
+                runner.logger.info(f'pre-training, epoch {epoch + 1} of {task.epochs}: {told}')
                 atomic_write(path, partial(torch.save, _state(school, epoch + 1, seconds)))
 
-    def _school(self, runner: Runner) -> Schooling:
-        network = Pretraining(MODELS.build({**runner.cfg.model, 'losses': [self.loss]}))
-        network.to(next(runner.model.parameters()).device)
-        optimizer = build_optim_wrapper(network, dict(runner.cfg.optim_wrapper))
-        loader = runner.build_dataloader(
-            {
-                'dataset': self.dataset,
-                'batch_size': self.batch_size,
-                'num_workers': runner.cfg.get('num_workers', 0),
-                'sampler': {'type': 'EpochSampler', 'shuffle': True, 'seed': self.seed},
-                'collate_fn': {'type': 'pseudo_collate'},
-            }
-        )
-        steps = self.epochs * len(loader)
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer.optimizer, steps)
-        return Schooling(network, optimizer, schedule, loader)
+
+def _school(runner: Runner, task: Task) -> Schooling:
+    """A new network, to be taught without heads."""
+    network = Pretraining(MODELS.build({**runner.cfg.model, 'losses': [task.loss]}))
+    network.to(next(runner.model.parameters()).device)
+    optimizer = build_optim_wrapper(network, dict(task.optimizer))
+    loader = runner.build_dataloader(
+        {
+            'dataset': task.dataset,
+            'batch_size': task.batch_size,
+            'num_workers': runner.cfg.get('num_workers', 0),
+            'sampler': {'type': 'EpochSampler', 'shuffle': True, 'seed': task.seed},
+            'collate_fn': {'type': 'pseudo_collate'},
+        }
+    )
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer.optimizer, task.epochs * len(loader))
+    return Schooling(network, optimizer, schedule, loader)
 
 
-def crop_pipeline(pipeline: Sequence[dict[str, Any] | None], crops: dict[str, Any]) -> list[dict[str, Any]]:
-    """A training pipeline with overlapping crops in the place of its augmented view, and no other view.
+def _places(dataset: Mapping[str, Any]) -> list[str]:
+    """Names the points of each scan."""
+    scans = DATASETS.build({**dataset, 'pipeline': []})
+    return [content_key(scans.load_cloud(index).xyz) for index in range(len(scans))]
+
+
+def crop_pipeline(pipeline: Sequence[Mapping[str, Any]], crops: dict[str, Any]) -> list[Mapping[str, Any]]:
+    """A training pipeline with overlapping crops in the place of its views, and without steps that read labels.
 
     Raises:
         ConfigError: It has no :class:`AugmentedView`.
     """
-    names = [step['type'] if step else None for step in pipeline]
+    names = [step['type'] for step in pipeline]
     if VIEW not in names:
-        raise ConfigError(f'PretrainingHook.pipeline: expected {VIEW} among its steps, got {names}')
-    first = names.index(VIEW)
-    views = {number for number, name in enumerate(names) if name == VIEW and number != first}
-    left = ((number, step) for number, step in enumerate(pipeline) if step and number not in views)
-    return [crops if number == first else step for number, step in left]
+        raise ConfigError(f'PretrainingHook: expected {VIEW} among the steps of the training pipeline, got {names}')
+    kept = [step for step in pipeline if step['type'] != LABELLED]
+    place = [step['type'] for step in kept].index(VIEW)
+    behind = [step for step in kept[place + 1 :] if step['type'] == 'PackScene']
+    return [*kept[:place], crops, *behind]
 
 
 def one_epoch(school: Schooling, epoch: int) -> dict[str, float]:

@@ -8,6 +8,7 @@ from mmengine.model import BaseModel
 from mmengine.structures import BaseDataElement
 from torch import Tensor
 
+from rm3d_plugin.models.losses.loss_term import LossTerm
 from rm3d_plugin.models.point_model import PointModel
 
 
@@ -35,6 +36,7 @@ class Pretraining(BaseModel):
         super().__init__(network.data_preprocessor)
         self.network = network
         for name, term in network.losses.items():
+            assert isinstance(term, LossTerm)
             if further := set(term.needs) - {*Encoded._fields}:
                 raise ValueError(f'pre-training: {name} reads {", ".join(sorted(further))}; expected features alone')
 

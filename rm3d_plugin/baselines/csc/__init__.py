@@ -1,0 +1,15 @@
+"""Contrastive Scene Contexts: pre-training that tells points apart within parts of the space around them."""
+
+from rm3d_plugin.baselines.base import Task
+from rm3d_plugin.baselines.csc.loss import SceneContexts
+from rm3d_plugin.baselines.method import method, with_rm3d
+
+LOSS = {'type': 'SceneContexts', 'in_channels': '${widths[0]}'}
+HOOK = {'type': 'PretrainingHook', 'loss': LOSS, 'cache': '${cache_dir}'}
+TASKS: tuple[Task, ...] = ('sem', 'ins', 'votenet')
+PARTS = {task: {'method_hook': HOOK} for task in TASKS}
+
+CSC = method('csc', 'CSC', PARTS, declares=('pre-training',))
+RM3D_CSC = with_rm3d(CSC, PARTS)
+
+__all__ = ['CSC', 'RM3D_CSC', 'SceneContexts']
