@@ -34,6 +34,7 @@ val_split = 'val'
 voxel_downsample = None  # m; keep one point in each cube of this edge
 crop_points = 250000
 elastic_prob = 0.95
+method_view = None  # of a compared method: a further view
 aug_prob = 0.25  # share of scenes with a second view for L_Aug; 1, as the paper has it: a step costs half more
 train_pipeline = [  # METHOD 7
     dict(type='RandomCrop', max_points='${crop_points}', shape='column'),
@@ -43,6 +44,7 @@ train_pipeline = [  # METHOD 7
     dict(type='ColorAutoContrast'),
     dict(type='ColorJitter'),
     dict(type='AugmentedView', prob='${aug_prob}'),
+    '${method_view}',
     dict(type='PackScene'),
 ]
 eval_pipeline = [dict(type='PackScene')]

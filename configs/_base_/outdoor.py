@@ -34,6 +34,7 @@ val_split = 'val'
 voxel_downsample = None  # m; keep one point in each cube of this edge
 crop_points = 120000
 recent_scenes = 16  # whose shapes and heights stay in memory
+method_view = None  # of a compared method: a further view
 aug_prob = 0.25  # share of scenes with a second view for L_Aug; 1, as the paper has it: a step costs half more
 # METHOD 7. Heights are above the ground below a point, so slopes need not be learnt: the ground is found in the whole scene,
 # before any crop.
@@ -46,6 +47,7 @@ train_pipeline = [
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='AugmentedView', prob='${aug_prob}'),
+    '${method_view}',
     dict(type='PackScene'),
 ]
 eval_pipeline = [
