@@ -12,5 +12,5 @@ method_view = dict(type='AugmentedView', crop=[0.4, 0.8])
 method_loss = dict(
     type='ScheduledLoss',
     start=0.005,
-    loss=dict(type='GuidedContrast', in_channels='${widths[0]}', num_classes='${num_classes}'),
+    losses=[dict(type='GuidedContrast', in_channels='${widths[0]}', num_classes='${num_classes}')],
 )

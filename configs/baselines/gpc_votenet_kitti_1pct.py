@@ -9,5 +9,5 @@ budget = dict(
 label_refreshes = 1
 aug_loss = None
 method_loss = dict(
-    type='ScheduledLoss', start=0.005, loss=dict(type='GuidedContrast', in_channels='${widths[0]}', num_classes=4)
+    type='ScheduledLoss', start=0.005, losses=[dict(type='GuidedContrast', in_channels='${widths[0]}', num_classes=4)]
 )

@@ -2,12 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.ops.segment import segment_mean
+from rm3d_plugin.pseudo_labels import PointPrediction
+from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import UNLABELLED, Regions
 
@@ -25,21 +27,24 @@ class Accepted(NamedTuple):
 
 
 class Accept(ABC):
-    """Chooses pseudo labels out of a prediction."""
+    """Chooses pseudo labels out of a prediction.
+
+    Attributes:
+        reads_features: Whether predictions shall hold the network's features.
+    """
+
+    reads_features: ClassVar[bool] = False
 
     @abstractmethod
     def __call__(
-        self,
-        probabilities: Float[np.ndarray, 'points classes'],
-        annotated: Int[np.ndarray, ' points'],
-        regions: Callable[[], Regions],
+        self, prediction: PointPrediction, annotated: Int[np.ndarray, ' points'], scene: Callable[[], PreparedScene]
     ) -> Accepted:
         """Choose.
 
         Args:
-            probabilities: Of the network; NaN where it saw nothing.
+            prediction: Of the network; NaN where it saw nothing.
             annotated: (N,) class of the annotated points, -1 elsewhere.
-            regions: Makes the regions of the scene, where they are needed.
+            scene: Makes the regions of the scene and their graph, where they are needed.
         """
 
 
@@ -55,13 +60,10 @@ class ConfidentPoints(Accept):
         self.threshold = threshold
 
     def __call__(
-        self,
-        probabilities: Float[np.ndarray, 'points classes'],
-        annotated: Int[np.ndarray, ' points'],
-        regions: Callable[[], Regions],
+        self, prediction: PointPrediction, annotated: Int[np.ndarray, ' points'], scene: Callable[[], PreparedScene]
     ) -> Accepted:
         """The most likely class where it is likely enough."""
-        return _confident(probabilities, self.threshold)
+        return confident(prediction.probabilities, self.threshold)
 
 
 @TASK_UTILS.register_module()
@@ -76,15 +78,11 @@ class ConfidentRegions(Accept):
         self.threshold = threshold
 
     def __call__(
-        self,
-        probabilities: Float[np.ndarray, 'points classes'],
-        annotated: Int[np.ndarray, ' points'],
-        regions: Callable[[], Regions],
+        self, prediction: PointPrediction, annotated: Int[np.ndarray, ' points'], scene: Callable[[], PreparedScene]
     ) -> Accepted:
         """The class of each region; points of no region have none."""
-        made = regions()
-        means = region_means(probabilities, made)
-        return _confident(np.where(made.labels[:, None] >= 0, means[made.labels], np.nan), self.threshold)
+        regions = scene().regions
+        return confident_regions(region_means(prediction.probabilities, regions), regions, self.threshold)
 
 
 def region_means(values: Float[np.ndarray, 'points columns'], regions: Regions) -> Float[np.ndarray, 'regions columns']:
@@ -93,7 +91,15 @@ def region_means(values: Float[np.ndarray, 'points columns'], regions: Regions) 
     return segment_mean(np.nan_to_num(values), labels, len(regions))
 
 
-def _confident(probabilities: Float[np.ndarray, 'points classes'], threshold: float) -> Accepted:
+def confident_regions(
+    probabilities: Float[np.ndarray, 'regions classes'], regions: Regions, threshold: float
+) -> Accepted:
+    """The most likely class of each region, for all its points, where it is likely enough; points of none have none."""
+    return confident(np.where(regions.labels[:, None] >= 0, probabilities[regions.labels], np.nan), threshold)
+
+
+def confident(probabilities: Float[np.ndarray, 'points classes'], threshold: float) -> Accepted:
+    """The most likely class of each point, where it is likely enough; NaN: nothing is known of a point."""
     known = ~np.isnan(probabilities).any(axis=1)
     shares = np.where(known[:, None], probabilities, 0.0)
     sure = shares.max(axis=1)

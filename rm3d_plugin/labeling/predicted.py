@@ -5,13 +5,16 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from jaxtyping import Int
 
 from rm3d_plugin.labeling.accept import Accept
 from rm3d_plugin.labeling.annotated import annotated_only, evaluate_points
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
 from rm3d_plugin.labeling.sources import LabelSource
+from rm3d_plugin.ops.segment import segment_majority
 from rm3d_plugin.pseudo_labels import PointPrediction
+from rm3d_plugin.regions.prepare import PreparedScene
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PointCloud, PseudoLabels, Regions
 
@@ -25,6 +28,8 @@ class PredictedLabelMaker(LabelMaker):
         source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
         accept: An :class:`~rm3d_plugin.labeling.accept.Accept` or its config.
         permanent: Whether what was accepted once stays; False: each round is chosen anew.
+        spread: Whether an annotated point labels its whole region, in every round; where classes meet in a region, the
+            most frequent one does.
         geometry: Arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`, for rules that ask for
             regions.
     """
@@ -37,11 +42,13 @@ class PredictedLabelMaker(LabelMaker):
         source: Mapping[str, Any] | LabelSource,
         accept: Mapping[str, Any] | Accept,
         permanent: bool = False,
+        spread: bool = False,
         **geometry: Any,
     ) -> None:
         super().__init__(store, source)
         self.accept: Accept = TASK_UTILS.build(accept) if isinstance(accept, Mapping) else accept
-        self._permanent = permanent
+        self.reads_features = self.accept.reads_features
+        self._permanent, self._spread = permanent, spread
         self._scenes = PreparedScenes(self._cloud, lambda scene_id: None, **geometry) if geometry else None
 
     def _cloud(self, scene_id: str) -> PointCloud:
@@ -60,22 +67,27 @@ class PredictedLabelMaker(LabelMaker):
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """The annotated labels, and beside them what the rule accepts."""
         annotated = annotated_only(self.source.annotated_labels(self.index_of[scene_id]))
-        if prediction is None or annotated.complete:
+        if annotated.complete:
             return SceneLabels(annotated)
-        found = self.accept(prediction.probabilities, annotated.semantic, lambda: self._regions(scene_id))
+        if self._spread:
+            wide = spread_over_regions(annotated.semantic, self._scene(scene_id).regions)
+            annotated = with_pseudo_labels(annotated, wide, np.ones(len(wide)))
+        if prediction is None:
+            return SceneLabels(annotated)
+        found = self.accept(prediction, annotated.semantic, lambda: self._scene(scene_id))
         labels = with_pseudo_labels(annotated, found.semantic, found.confidence)
         if self._permanent:
             before = self.store.read(scene_id, number - 1)
             labels = with_pseudo_labels(before, labels.semantic, labels.confidence)
         return SceneLabels(labels)
 
-    def _regions(self, scene_id: str) -> Regions:
+    def _scene(self, scene_id: str) -> PreparedScene:
         if self._scenes is None:
             raise ValueError(
                 f'PredictedLabelMaker: {type(self.accept).__name__} asks for regions; give cache, descriptor and '
                 'oversegmenter'
             )
-        return self._scenes.get(scene_id).regions
+        return self._scenes.get(scene_id)
 
     def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
         """Each scene stands for itself."""
@@ -94,6 +106,12 @@ class PredictedLabelMaker(LabelMaker):
 
     def forget(self) -> None:
         """Nothing was derived."""
+
+
+def spread_over_regions(semantic: Int[np.ndarray, ' points'], regions: Regions) -> Int[np.ndarray, ' points']:
+    """Each point gets the most frequent class among the labelled points of its region; -1: there is none."""
+    classes = segment_majority(semantic, regions.labels, len(regions))
+    return np.where(regions.labels >= 0, np.append(classes, UNLABELLED)[regions.labels], UNLABELLED)
 
 
 def with_pseudo_labels(given: PseudoLabels, semantic: np.ndarray, confidence: np.ndarray) -> PseudoLabels:

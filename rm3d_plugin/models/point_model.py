@@ -46,6 +46,7 @@ class PointModel(BaseModel):
         teacher: Another network of the same parts, whose answers losses find in ``batch.teacher``; None: there is none.
             It is no part of this one: neither trained with it nor in its ``state_dict``.
         predict_points: Predict what making labels needs of points; the label hook sets it while it asks for that.
+        predict_features: Whether that holds the features of points, too; the hook sets it as the label maker wants.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class PointModel(BaseModel):
     ) -> None:
         super().__init__(data_preprocessor or {'type': 'rm3d_plugin.ScenePreprocessor'}, init_cfg)
         self.backbone = MODELS.build({**backbone, 'in_channels': in_channels})
-        self.predict_points = False
+        self.predict_points, self.predict_features = False, False
         self._teacher: tuple[PointModel, ...] = ()  # in a tuple, so that torch does not take it for a part
 
     @abstractmethod

@@ -6,6 +6,8 @@ from rm3d_plugin.baselines import BASELINES, FULL_SUPERVISION, LABELLED_ONLY
 from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.experiments.run_commands import config_path
 
+METHODS = [each for each in BASELINES.values() if each not in (LABELLED_ONLY, FULL_SUPERVISION)]
+
 
 @pytest.mark.parametrize('baseline', BASELINES.values(), ids=list(BASELINES))
 def test_the_readme_says_what_it_is(baseline):
@@ -33,6 +35,7 @@ def test_names():
         (FULL_SUPERVISION, 'sem', 'semantickitti', '1pct'),
         (FULL_SUPERVISION, 'ins', 'scannet', '0p2pct'),
         (FULL_SUPERVISION, 'votenet', 'kitti', '1pct'),
+        *((each, task, 'scannet', '0p2pct') for each in METHODS for task in each.options),
     ],
 )
 def test_the_config_is_that_of_rm3d_with_the_options(tmp_path, baseline, task, data, budget, demo):

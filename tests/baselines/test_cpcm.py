@@ -45,9 +45,7 @@ def js(p, q):
 
 
 def said(logits, point_ids, **more):
-    return SimpleNamespace(
-        logits=lambda rows=slice(None): logits[rows], point_ids=torch.tensor(point_ids), **more
-    )
+    return SimpleNamespace(logits=lambda rows=slice(None): logits[rows], point_ids=torch.tensor(point_ids), **more)
 
 
 def test_the_masked_view_learns_from_both_others():

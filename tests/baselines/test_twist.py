@@ -65,5 +65,7 @@ def test_the_teachers_objects_teach_the_points_without_a_label():
     assert found['loss_pseudo'].item() == pytest.approx(wanted.item(), rel=1e-5)
     centres = torch.tensor([[0.03, 0.0, 0.0]] * 3 + [[1.03, 0.0, 0.0]] * 3)
     target = centres - batch.xyz[free]
-    assert found['loss_pseudo_offset'].item() == pytest.approx(term.offset_loss(own.offsets[free], target).item(), rel=1e-4)
+    assert found['loss_pseudo_offset'].item() == pytest.approx(
+        term.offset_loss(own.offsets[free], target).item(), rel=1e-4
+    )
     assert math.isfinite(found['loss_object'].item())

@@ -1,11 +1,14 @@
 """Self-training in rounds: what the network is sure of becomes a label, and annotated labels always win."""
 
+from types import SimpleNamespace
+
 import numpy as np
 from labeling import rounds
 from reference.toy_scenes import ToyRooms
 
 from rm3d_plugin.labeling import ConfidentPoints, ConfidentRegions, PointBudgetSource, PredictedLabelMaker
 from rm3d_plugin.labeling.accept import region_means
+from rm3d_plugin.labeling.predicted import spread_over_regions
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.structures import Regions
 
@@ -15,17 +18,24 @@ NONE = np.full(4, -1)
 
 
 def test_points_above_the_threshold():
-    found = ConfidentPoints(0.7)(SAID, NONE, lambda: None)
+    found = ConfidentPoints(0.7)(PointPrediction(SAID), NONE, lambda: None)
     assert found.semantic.tolist() == [0, 1, -1, -1]
     np.testing.assert_allclose(found.confidence, [0.9, 0.7, 0, 0], rtol=1e-6)
 
 
 def test_regions_by_their_mean():
     regions = Regions(np.array([0, 0, 0, 1]))
+    scene = SimpleNamespace(regions=regions)
     np.testing.assert_allclose(region_means(SAID, regions), [[0.6, 0.4], [0.4, 0.6]])
-    found = ConfidentRegions(0.6)(SAID, NONE, lambda: regions)
+    found = ConfidentRegions(0.6)(PointPrediction(SAID), NONE, lambda: scene)
     assert found.semantic.tolist() == [0, 0, 0, 1]  # the point that the network did not see, too
-    assert ConfidentRegions(0.61)(SAID, NONE, lambda: regions).semantic.tolist() == [-1] * 4
+    assert ConfidentRegions(0.61)(PointPrediction(SAID), NONE, lambda: scene).semantic.tolist() == [-1] * 4
+
+
+def test_an_annotated_point_labels_its_region():
+    regions = Regions(np.array([0, 0, 1, 1, 1, -1, 2]))
+    semantic = np.array([4, -1, 2, 3, 3, 1, -1])
+    assert spread_over_regions(semantic, regions).tolist() == [4, 4, 3, 3, 3, -1, -1]
 
 
 def label_maker(tmp_path, **settings):

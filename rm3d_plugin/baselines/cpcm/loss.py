@@ -1,4 +1,4 @@
-"""What the network says of a scene whose colours are hidden in places is what it says of the scene (CPCM, ICCV 2023)."""
+"""A scene whose colours are hidden in places has the classes of the scene that is seen whole (CPCM, ICCV 2023)."""
 
 from typing import Any
 

@@ -2,14 +2,12 @@
 
 from rm3d_plugin.baselines.base import Task
 from rm3d_plugin.baselines.csc.loss import SceneContexts
-from rm3d_plugin.baselines.method import method, with_rm3d
+from rm3d_plugin.baselines.method import method
 
 LOSS = {'type': 'SceneContexts', 'in_channels': '${widths[0]}'}
 HOOK = {'type': 'PretrainingHook', 'loss': LOSS, 'cache': '${cache_dir}'}
 TASKS: tuple[Task, ...] = ('sem', 'ins', 'votenet')
-PARTS = {task: {'method_hook': HOOK} for task in TASKS}
 
-CSC = method('csc', 'CSC', PARTS, declares=('pre-training',))
-RM3D_CSC = with_rm3d(CSC, PARTS)
+CSC = method('csc', 'CSC', {task: {'method_hook': HOOK} for task in TASKS}, declares=('pre-training',))
 
-__all__ = ['CSC', 'RM3D_CSC', 'SceneContexts']
+__all__ = ['CSC', 'SceneContexts']

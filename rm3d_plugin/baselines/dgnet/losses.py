@@ -23,7 +23,9 @@ class Mixture(NamedTuple):
     means: Float[Tensor, 'classes channels']
     log_shares: Float[Tensor, ' classes']
 
-    def log_posterior(self, features: Float[Tensor, 'points channels'], kappa: float) -> Float[Tensor, 'points classes']:
+    def log_posterior(
+        self, features: Float[Tensor, 'points channels'], kappa: float
+    ) -> Float[Tensor, 'points classes']:
         """Logarithm of how likely each unit vector is of each class; components are equally narrow."""
         return (kappa * features @ self.means.T + self.log_shares).log_softmax(dim=1)
 

@@ -10,7 +10,7 @@ START = 0.005  # share of training: 200 of 38 000 steps
 
 def _loss(num_classes: str | int) -> dict[str, Any]:
     contrast = {'type': 'GuidedContrast', 'in_channels': '${widths[0]}', 'num_classes': num_classes}
-    return {'type': 'ScheduledLoss', 'start': START, 'loss': contrast}
+    return {'type': 'ScheduledLoss', 'start': START, 'losses': [contrast]}
 
 
 POINTS = {

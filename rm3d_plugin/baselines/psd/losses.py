@@ -15,9 +15,7 @@ from rm3d_plugin.registry import MODELS
 _EPS = 1e-4  # of the released code
 
 
-def relation_loss(
-    features: Float[Tensor, 'points channels'], classes: Int[Tensor, ' points']
-) -> Float[Tensor, '']:
+def relation_loss(features: Float[Tensor, 'points channels'], classes: Int[Tensor, ' points']) -> Float[Tensor, '']:
     """How well cosines between points, cut off at 0, tell which are of one class.
 
     Binary cross-entropy over all pairs, plus -log of precision and -log of recall, where each row of the matrix of

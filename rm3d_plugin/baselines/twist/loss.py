@@ -45,7 +45,8 @@ class TwistLoss(LossTerm):
         super().__init__()
         self.classify = nn.Linear(channels, num_classes)
         self.offset_loss = OffsetLoss()
-        self.thing_classes, self.rules, self.threshold = tuple(thing_classes), ProposalRules(**(proposals or {})), threshold
+        self.thing_classes, self.threshold = tuple(thing_classes), threshold
+        self.rules = ProposalRules(**(proposals or {}))
 
     def forward(self, batch: Batch, outputs: SegmentorOutput, labels: PointLabels) -> dict[str, Tensor]:
         """The losses."""

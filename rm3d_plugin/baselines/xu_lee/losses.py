@@ -33,7 +33,7 @@ def inexact_loss(
 
 
 def smoothness_loss(logits: Float[Tensor, 'points classes'], graph: ColourGraph) -> Float[Tensor, '']:
-    """Squared difference of the class probabilities of neighbours times their weight, the mean over edges; 0 for none."""
+    """Weighted squared difference of the class probabilities of neighbours, the mean over edges; 0 for none."""
     probs = logits.softmax(dim=1)
     source, target = (torch.from_numpy(rows).to(logits.device) for rows in (graph.source, graph.target))
     weight = torch.from_numpy(graph.weight).to(logits)

@@ -49,8 +49,8 @@ class RM3DSegmentor(PointModel):
             ``predict_points`` is set it does not, as pseudo labels need none.
         inference: Fields of :class:`SceneInference`: chunks for large scenes, voting over views. Default: scenes are
             read whole and once.
-        refine: Config of a part that is called with the points and the class probabilities of a scene and returns better
-            ones, on the CPU; at test time alone, after ``inference``. None: nothing is refined.
+        refine: Config of a part that is called with points and class probabilities of a scene, on the CPU, and returns
+            better ones; at test time alone, after ``inference``. None: nothing is refined.
         ignore_index: A further value of ``pts_semantic_mask`` that means unlabelled, besides -1: ``num_classes`` in
             mmdetection3d.
         data_preprocessor: ``ScenePreprocessor`` by default.

@@ -31,7 +31,7 @@ def epoch(monkeypatch):
 
 
 def test_it_begins_late_and_rises(epoch):
-    term = ScheduledLoss(dict(type='TwoValues'), start=0.5, ramp=0.1)
+    term = ScheduledLoss([dict(type='TwoValues')], start=0.5, ramp=0.1)
     assert term.needs == ('logits',)
     found = []
     for number in (19, 20, 22, 24, 39):
@@ -44,6 +44,6 @@ def test_it_begins_late_and_rises(epoch):
 
 def test_without_a_ramp_it_is_there_at_once(epoch):
     epoch(0)
-    assert ScheduledLoss(dict(type='TwoValues'))(NO_BATCH, None, None)['loss_two'].item() == 2.0
+    assert ScheduledLoss([dict(type='TwoValues')])(NO_BATCH, None, None)['loss_two'].item() == 2.0
     with pytest.raises(ValueError, match='start and ramp'):
-        ScheduledLoss(dict(type='TwoValues'), start=50)
+        ScheduledLoss([dict(type='TwoValues')], start=50)

@@ -1,0 +1,8 @@
+# OTOC on 0.2 % of the points of ScanNet, with the network and schedule of rm3d_sem_scannet_0p2pct.
+# Run: rm3d train otoc_sem_scannet_0p2pct [--demo]
+# Time: not measured.
+# Score on ScanNet: not measured (the data set is not part of the repository). On the demo: not measured.
+_base_ = '../_base_/scannet.py'
+budget = '0p2pct'
+label_maker = dict(predicted=dict(accept=dict(type='PropagatedRegions'), permanent=True, spread=True))
+method_loss = dict(type='PrototypeRelation', num_classes='${num_classes}', channels='${widths[0]}')
