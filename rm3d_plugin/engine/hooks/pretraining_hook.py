@@ -51,8 +51,8 @@ class Schooling(NamedTuple):
 class PretrainingHook(Hook):
     """Before training, the backbone learns by a loss on two overlapping crops of each scan; no label is read.
 
-    Scans, steps of the pipeline, batch size, optimizer and length are those of training. What was learnt lies in a cache
-    under a name of the scans and of all settings. So runs with other label budgets and seeds share it, and the
+    Scans, steps of the pipeline, batch size, optimizer and length are those of training. What was learnt lies in a
+    cache under a name of the scans and of all settings. So runs with other label budgets and seeds share it, and the
     first of them pays for it. A pre-training that was interrupted goes on from its last epoch. The work directory's
     ``pretraining.json`` says what it took, in seconds of the processor.
 
@@ -168,7 +168,7 @@ def one_epoch(school: Schooling, epoch: int) -> dict[str, float]:
     sums: dict[str, float] = {}
     for batch in school.loader:
         for name, value in school.network.train_step(batch, school.optimizer).items():
-            sums[name] = sums.get(name, 0.0) + float(value)
+            sums[name] = sums.get(name, 0.0) + float(value.detach())
         school.schedule.step()
     return {name: total / len(school.loader) for name, total in sums.items() if name != 'loss'}
 
