@@ -7,6 +7,6 @@ budget = '0p2pct'
 label_refreshes = 1  # the first labels stay
 propagate = False  # training sees the annotated points alone
 aug_prob = 1.0
-aug_loss = dict(loss=dict(type='DivergenceLoss', convention='psd'), num_points='${crop_points}')
+aug_loss = dict(loss=dict(type='DivergenceLoss', convention='psd'), num_points=None)
 method_loss = dict(type='RelationLoss', channels='${widths[0]}')
 losses = ['${point_loss}', dict(type='ViewSupervision', loss='${point_loss}'), '${aug_loss}', '${method_loss}']

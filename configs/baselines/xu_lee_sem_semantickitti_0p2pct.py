@@ -7,7 +7,7 @@ budget = '0p2pct'
 label_refreshes = 1  # the first labels stay
 propagate = False  # training sees the annotated points alone
 aug_prob = 1.0
-aug_loss = dict(loss=dict(type='DivergenceLoss', convention='xu_lee', loss_weight=10.0), num_points='${crop_points}')
+aug_loss = dict(loss=dict(type='DivergenceLoss', convention='xu_lee', loss_weight=10.0), num_points=None)
 method_loss = dict(type='ScheduledLoss', start=0.5, losses=['${aug_loss}', dict(type='XuLeeLoss', channels=1)])
 losses = ['${point_loss}', '${method_loss}']
 model = dict(refine=dict(type='XuLeePropagation', channels=1))

@@ -12,7 +12,7 @@ PSD = Baseline(
             'label_refreshes': 1,
             'propagate': False,
             'aug_prob': 1.0,
-            'aug_loss': {'loss': {'type': 'DivergenceLoss', 'convention': 'psd'}, 'num_points': '${crop_points}'},
+            'aug_loss': {'loss': {'type': 'DivergenceLoss', 'convention': 'psd'}, 'num_points': None},
             'method_loss': {'type': 'RelationLoss', 'channels': '${widths[0]}'},
             'losses': [
                 '${point_loss}',

@@ -15,7 +15,7 @@ XU_LEE = Baseline(
             'aug_prob': 1.0,
             'aug_loss': {
                 'loss': {'type': 'DivergenceLoss', 'convention': 'xu_lee', 'loss_weight': 10.0},
-                'num_points': '${crop_points}',
+                'num_points': None,
             },
             'method_loss': {'type': 'ScheduledLoss', 'start': 0.5, 'losses': ['${aug_loss}', {'type': 'XuLeeLoss'}]},
             'losses': ['${point_loss}', '${method_loss}'],
