@@ -1,4 +1,4 @@
-"""Each method learns toy rooms from a few labelled points: every loss of it takes part, stays finite, and labels are learnt."""
+"""Each method learns toy rooms from a few labelled points: every loss takes part and is finite, and labels are learnt."""
 
 import copy
 from collections import defaultdict
@@ -15,7 +15,7 @@ from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.experiments.run_commands import config_path
 from rm3d_plugin.registry import MODELS, SCOPE
 
-EPOCHS = 8
+EPOCHS = 6
 TINY = {
     'num_classes': 3,
     'thing_classes': [1],
@@ -68,7 +68,7 @@ def learnt(model, rooms, hub) -> dict[str, list[float]]:
     optimizer, said = torch.optim.Adam(model.parameters(), lr=0.01), defaultdict(list)
     for epoch in range(EPOCHS):
         hub.update_info('epoch', epoch)
-        if epoch == 4:
+        if epoch == EPOCHS // 2:
             model.set_teacher(copy.deepcopy(model).eval())
         for index in range(len(rooms)):
             losses = model(**model.data_preprocessor(batch_of(rooms, index), training=True), mode='loss')
