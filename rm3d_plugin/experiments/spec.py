@@ -16,6 +16,8 @@ BUDGETS = {
     '20pts': '20 points',
     '1pct': '1 %',
     '20pct': '20 %',
+    'scenes5pct': '5 % of the scenes',
+    'scenes20pct': '20 % of the scenes',
 }
 
 
@@ -34,6 +36,9 @@ class Row:
         test: Config keys under which the trained network is tested anew (other data, turned scenes). None: the last
             validation of the training counts.
         seeds: Of this row; None: those that the user asks for.
+        against: Name of the row over which its gain in the last score is told; None: no gain.
+        paper_gain: The same gain in the paper, in points; None: not known.
+        published_gain: The same in the method's own publication.
     """
 
     name: str
@@ -42,6 +47,9 @@ class Row:
     train: tuple[str, ...] | None = DEMO
     test: Mapping[str, Any] | None = None
     seeds: tuple[int, ...] | None = None
+    against: str | None = None
+    paper_gain: float | None = None
+    published_gain: float | None = None
 
 
 @dataclass(frozen=True)
@@ -54,9 +62,10 @@ class Table:
         scores: Heading -> key of the run's final scores.
         reference: Name of the row to which the last score's ratio is told; None: no ratio.
         labels: Tell how many points have a label in the last round, and how many of the pseudo labels are right.
+        cost: Tell how many seconds of the processor a run took, validation left out.
 
     Raises:
-        ValueError: Two rows have one name, or the reference is no row.
+        ValueError: Two rows have one name, or the reference or what a gain is told over is no row.
     """
 
     title: str
@@ -64,6 +73,7 @@ class Table:
     scores: Mapping[str, str]
     reference: str | None = None
     labels: bool = False
+    cost: bool = False
 
     def __post_init__(self) -> None:
         names = [row.name for row in self.rows]
@@ -71,6 +81,8 @@ class Table:
             raise ValueError(f'{self.title}: two rows have one name: {names}')
         if self.reference is not None and self.reference not in names:
             raise ValueError(f'{self.title}: reference: expected one of {names}, got {self.reference!r}')
+        if lost := {row.against for row in self.rows} - {None, *names}:
+            raise ValueError(f'{self.title}: against: expected some of {names}, got {sorted(map(str, lost))}')
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ class PointModel(BaseModel):
         """
         if mode not in get_args(Mode):
             raise ValueError(f'mode: expected one of {get_args(Mode)}, got {mode!r}')
-        batch = self._batch(inputs)
+        batch = self.join(inputs)
         if mode == 'loss':
             return self._loss(batch, _one_a_scene(data_samples or (), batch))
         if mode == 'predict':
@@ -162,7 +162,8 @@ class PointModel(BaseModel):
         return self.network(batch)
 
     @final
-    def _batch(self, inputs: dict[str, Any]) -> Batch:
+    def join(self, inputs: dict[str, Any]) -> Batch:
+        """A batch of the scenes, still one tensor a scene or joined already, with its views and the teacher."""
         inputs = inputs if 'batch_offsets' in inputs else join_inputs(inputs)
         views = (View(**view, encode=self._encode_view, classify=self.classify) for view in inputs.get('views', ()))
         batch = Batch(inputs['points'], inputs['batch_offsets'], tuple(views))

@@ -1,6 +1,7 @@
 """One hook a file; each decides when, and calls one thing."""
 
 from rm3d_plugin.engine.hooks.ema_teacher_hook import EMATeacherHook
+from rm3d_plugin.engine.hooks.pretraining_hook import PretrainingHook
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import RunRecordHook
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import SafeCheckpointHook
@@ -10,6 +11,7 @@ from rm3d_plugin.engine.hooks.time_budget_hook import TimeBudgetHook
 __all__ = [
     'EMATeacherHook',
     'EpochSeedHook',
+    'PretrainingHook',
     'RegionMergeHook',
     'RunRecordHook',
     'SafeCheckpointHook',

@@ -1,6 +1,7 @@
 """Every table by its name; a file holds a family of them."""
 
 from rm3d_plugin.experiments.spec import MeasuredTable, Table
+from rm3d_plugin.experiments.tables import methods
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
 from rm3d_plugin.experiments.tables.propagation import propagation_table
@@ -17,6 +18,13 @@ TABLES: dict[str, Table | MeasuredTable] = {
     'streets-demo': STREETS,
     'streets-demo-budgets': STREETS_BUDGETS,
     'oakland': OAKLAND,
+    'methods-indoor': methods.INDOOR,
+    'methods-indoor-onept': methods.INDOOR_ONE_POINT,
+    'methods-outdoor': methods.OUTDOOR,
+    'methods-oakland': methods.OAKLAND,
+    'methods-instances': methods.INSTANCES,
+    'methods-detection': methods.DETECTION,
+    'methods-scenes': methods.SCENES,
     'propagation': MeasuredTable('mIoU on the unlabelled points of single real scans (trains)', propagation_table),
     'pseudo-labels': MeasuredTable(
         'Coverage and precision of pseudo labels by round, synthetic and real, both strategies (trains)',
