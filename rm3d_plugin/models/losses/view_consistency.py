@@ -18,12 +18,12 @@ class ViewConsistency(LossTerm):
 
     Args:
         loss: Config of a loss of two rows of logits: ``JSAugLoss`` or ``MSEAugLoss``.
-        num_points: Common points of each view that are compared, at most; None: all.
+        num_points: Common points of each view that are compared.
     """
 
     needs = ('logits',)
 
-    def __init__(self, loss: dict[str, Any] | None = None, num_points: int | None = 1000) -> None:  # METHOD 7: 1000
+    def __init__(self, loss: dict[str, Any] | None = None, num_points: int = 1000) -> None:  # METHOD 7: 1000
         super().__init__()
         self.loss = MODELS.build({'type': 'JSAugLoss', **(loss or {})})
         self.num_points = num_points
@@ -32,6 +32,6 @@ class ViewConsistency(LossTerm):
         """``loss_aug``, the mean over the views."""
         terms = []
         for view in batch.views:
-            rows = common_rows(view.point_ids, self.num_points or len(view.point_ids))
+            rows = common_rows(view.point_ids, self.num_points)
             terms.append(self.loss(outputs.logits[view.point_ids[rows]], view.logits(rows)))
         return {'loss_aug': torch.stack(terms).mean()} if terms else {}

@@ -71,6 +71,5 @@ def test_at_most_so_many_points_are_compared():
     each = [jensenshannon(p, q) ** 2 for p, q in zip(first, second, strict=True)]
     one = ViewConsistency(num_points=1)(batch, outputs, None)['loss_aug'].item()
     assert min(abs(one - value) for value in each) < 1e-6
-    for count in (5, None):
-        many = ViewConsistency(num_points=count)(batch, outputs, None)['loss_aug'].item()
-        assert many == pytest.approx(np.mean(each), rel=1e-5)
+    many = ViewConsistency(num_points=5)(batch, outputs, None)['loss_aug'].item()
+    assert many == pytest.approx(np.mean(each), rel=1e-5)
