@@ -4,11 +4,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from labeling import rounds
+from reference.toy_scenes import ToyRooms
 
 from rm3d_plugin.baselines.otoc import propagation
 from rm3d_plugin.baselines.otoc.accept import PropagatedRegions
 from rm3d_plugin.baselines.otoc.propagation import mean_field
 from rm3d_plugin.baselines.otoc.relation import PrototypeRelation, prototype_contrast
+from rm3d_plugin.labeling import PointBudgetSource, PredictedLabelMaker
 from rm3d_plugin.models import Batch
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.structures import Regions
@@ -82,3 +85,26 @@ def test_labelled_points_draw_near_to_their_prototype():
     assert loss.item() == pytest.approx(math.log(1 + math.exp(-1.0)), rel=1e-5)
     loss.backward()
     assert features.grad[1].abs().sum() == 0
+
+
+def test_rounds_of_a_run(tmp_path):
+    source = PointBudgetSource(ToyRooms(1), 'onept_instance', 0)
+    made = PredictedLabelMaker(
+        tmp_path / 'labels', source, {'type': 'PropagatedRegions'}, permanent=True, spread=True,
+        cache=tmp_path / 'geometry',
+        descriptor={'type': 'AdaptedPFH', 'radius': 0.15, 'max_neighbors': 16},
+        oversegmenter={'type': 'RegionGrowing', 'threshold': 0.9, 'max_edge': 0.25, 'min_region': 10},
+    )  # fmt: skip
+    assert made.reads_features
+    first, truth = rounds.start(made).store.read('room0', 0), source.truth(0).semantic
+    wide = first.semantic >= 0
+    assert first.point_is_annotated.sum() == 5 and wide.sum() > 200  # five clicks, each for its region
+    assert (first.semantic == truth)[wide & (truth >= 0)].mean() > 0.95
+    features = np.eye(3)[np.maximum(truth, 0)] + 0.01  # a network that sees classes, but cannot name them
+    made.begin(1)
+    made.refresh_all(1, [('room0', PointPrediction(np.full((len(truth), 3), 1 / 3), features=features))])
+    rounds.close(made, 1)
+    second = made.store.read('room0', 1)
+    np.testing.assert_array_equal(second.semantic[wide], first.semantic[wide])
+    new = (second.semantic >= 0) & ~wide & (truth >= 0)
+    assert new.sum() > 100 and (second.semantic == truth)[new].mean() > 0.95

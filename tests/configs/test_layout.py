@@ -39,7 +39,8 @@ def test_a_leaf_reads_two_further_files_at_most_and_is_short(path):
     files = files_of(path)
     assert len(files) <= 3 and files[1].parent == CONFIGS / '_base_'
     if not path.stem.startswith('check_'):
-        assert len(path.read_text().splitlines()) <= 14
+        most = 20 if path.parent.name == 'baselines' else 14  # the parts of a method stand on its leaf
+        assert len(path.read_text().splitlines()) <= most
 
 
 def test_every_base_is_read_by_a_leaf():

@@ -1,19 +1,9 @@
 """The entropy-weighted loss of AADNet."""
 
 from rm3d_plugin.baselines.aadnet.loss import EntropyWeightedLoss
-from rm3d_plugin.baselines.base import Baseline
+from rm3d_plugin.baselines.method import method
 
-AADNET = Baseline(
-    name='aadnet',
-    title='AADNet',
-    leaf='aadnet_{task}_{data}_{budget}',
-    options={
-        'sem': {
-            'label_refreshes': 1,
-            'propagate': False,
-            'point_loss.loss': {'type': 'EntropyWeightedLoss'},
-        }
-    },
-)
+PARTS = {'point_loss.loss': {'type': 'EntropyWeightedLoss'}}
+AADNET = method('aadnet', 'AADNet', {'sem': PARTS})
 
 __all__ = ['AADNET', 'EntropyWeightedLoss']

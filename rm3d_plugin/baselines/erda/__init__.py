@@ -1,19 +1,9 @@
 """The entropy-regularised distribution alignment of ERDA."""
 
-from rm3d_plugin.baselines.base import Baseline
 from rm3d_plugin.baselines.erda.loss import ERDALoss, erda_loss
+from rm3d_plugin.baselines.method import method
 
-ERDA = Baseline(
-    name='erda',
-    title='ERDA',
-    leaf='erda_{task}_{data}_{budget}',
-    options={
-        'sem': {
-            'label_refreshes': 1,
-            'propagate': False,
-            'method_loss': {'type': 'ERDALoss', 'num_classes': '${num_classes}', 'channels': '${widths[0]}'},
-        }
-    },
-)
+PARTS = {'method_loss': {'type': 'ERDALoss', 'num_classes': '${num_classes}', 'channels': '${widths[0]}'}}
+ERDA = method('erda', 'ERDA', {'sem': PARTS})
 
 __all__ = ['ERDA', 'ERDALoss', 'erda_loss']

@@ -1,27 +1,17 @@
 """Perturbed self-distillation."""
 
-from rm3d_plugin.baselines.base import Baseline
+from rm3d_plugin.baselines.method import method
 from rm3d_plugin.baselines.psd.losses import RelationLoss, relation_loss
 
-PSD = Baseline(
-    name='psd',
-    title='PSD',
-    leaf='psd_{task}_{data}_{budget}',
-    options={
-        'sem': {
-            'label_refreshes': 1,
-            'propagate': False,
-            'aug_prob': 1.0,
-            'aug_loss': {'loss': {'type': 'DivergenceLoss', 'convention': 'psd'}, 'num_points': '${crop_points}'},
-            'method_loss': {'type': 'RelationLoss', 'channels': '${widths[0]}'},
-            'losses': [
-                '${point_loss}',
-                {'type': 'ViewSupervision', 'loss': '${point_loss}'},
-                '${aug_loss}',
-                '${method_loss}',
-            ],
-        }
+VIEW = {'type': 'ViewSupervision', 'loss': '${point_loss}'}
+PARTS = {
+    'aug_prob': 1.0,
+    'aug_loss': {'loss': {'type': 'DivergenceLoss', 'convention': 'psd'}},
+    'method_loss': {
+        'type': 'ScheduledLoss',
+        'losses': [VIEW, {'type': 'RelationLoss', 'channels': '${widths[0]}'}],
     },
-)
+}
+PSD = method('psd', 'PSD', {'sem': PARTS, 'ins': PARTS}, declares=('second view',))
 
 __all__ = ['PSD', 'RelationLoss', 'relation_loss']
