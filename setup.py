@@ -42,6 +42,7 @@ setup(
         'standalone': ['mmengine-lite>=0.10.7,<0.11', 'opencv-python-headless>=4.8'],
         'test': [
             'pytest>=8',
+            'pytest-xdist>=3.6',
             'hypothesis>=6.100',
             'pytest-benchmark>=5',
             'beartype>=0.19',
