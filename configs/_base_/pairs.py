@@ -85,8 +85,8 @@ custom_hooks = [
 demo = dict(
     data_root='data/descriptor_rooms',
     demo_data=dict(scenes='scannet_rooms', num_train=20, num_val=4, seed=0),
-    crop_points=12000,
-    sigma=16,
+    crop_points=8000,
+    sigma=20,
     batch_size=1,
     learning_rate=3e-3,
 )

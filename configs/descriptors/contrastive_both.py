@@ -10,5 +10,5 @@ demo = dict(
     more_demo_data=[
         dict(root='data/descriptor_streets', scenes='semantickitti_streets', num_train=20, num_val=4, seed=0)
     ],
-    sigma=8,
+    sigma=10,
 )
