@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.storage import read_json, write_json
 from rm3d_plugin.storage.files import plain_json
+from rm3d_plugin.storage.fingerprint import Fingerprinted
 
 AnyRow = TypeVar('AnyRow', bound=tuple[Any, ...])
 
@@ -35,3 +36,20 @@ def kept_rows(
 def scenes_asked(request: Request, names: Sequence[str]) -> dict[str, Any]:
     """What rows of scenes depend on: how many scenes and points, which seed, which methods."""
     return {'scenes': request.scenes, 'points': request.points, 'seed': request.seed, 'methods': list(names)}
+
+
+def descriptor_asked(request: Request, part: Fingerprinted, **further: Any) -> dict[str, Any]:
+    """What rows of one descriptor depend on: scenes, points, seed, and its settings and weights.
+
+    Args:
+        request: Of the table.
+        part: The descriptor.
+        further: Other plain values.
+    """
+    return {
+        'scenes': request.scenes,
+        'points': request.points,
+        'seed': request.seed,
+        'descriptor': part.fingerprint(),
+        **further,
+    }
