@@ -51,6 +51,7 @@ class SparseUNet(BaseModule):
 
     Attributes:
         out_channels: Columns of the output, the width of the finest level.
+        reach: How far, along an axis, lie voxels that change what is said of one in evaluation, in voxels.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class SparseUNet(BaseModule):
         self.voxel_size = voxel_size
         self.reduce: Literal['mean', 'first'] = reduce
         self.out_channels = widths[0]
+        self.reach = _reach(len(widths), blocks)
         self.stem = SparseConv(in_channels, widths[0])
         self.body = _Stage(widths, blocks, bn_eps, bn_momentum, checkpointing)
         self.norm = NormReLU(widths[0], bn_eps, bn_momentum)
@@ -112,6 +114,13 @@ class SparseUNet(BaseModule):
         hidden = self.stem(SparseFeatures(voxels.features, self.levels(voxels.coords)))
         hidden = self.body(hidden)
         return gather_rows(self.norm(hidden.values), voxels.point_to_voxel)
+
+
+def _reach(levels: int, blocks: int) -> int:
+    """Voxels: the stem sees 1, a block of level l twice 2^l, and a step down or up another 2^l."""
+    coarsest = levels - 1
+    both_sides = sum(2**level * (4 * blocks + 1) for level in range(coarsest))
+    return 1 + both_sides + 2**coarsest * 2 * blocks
 
 
 class _Stage(nn.Module):

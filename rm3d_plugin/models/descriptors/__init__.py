@@ -1,0 +1,5 @@
+"""Networks that describe places: they say vectors of sites, no classes."""
+
+from rm3d_plugin.models.descriptors.descriptor_network import DescriptorNetwork, DescriptorOutput
+
+__all__ = ['DescriptorNetwork', 'DescriptorOutput']
