@@ -1,6 +1,7 @@
 """The descriptors that tables compare, in the order of the paper's Table 1."""
 
 from rm3d_plugin.descriptors import Descriptor
+from rm3d_plugin.descriptors.learned import LearnedDescriptor
 from rm3d_plugin.experiments.scenes import Collection
 from rm3d_plugin.inference.oversegment import build_part
 from rm3d_plugin.registry import DESCRIPTORS
@@ -12,8 +13,13 @@ ORDER = (
 
 
 def compared_descriptors() -> tuple[str, ...]:
-    """Type names of those that are registered."""
-    return tuple(name for name in ORDER if name in DESCRIPTORS.module_dict)
+    """Type names of those that work at once: registered, with weights in the package where they need any."""
+    kinds = DESCRIPTORS.module_dict
+    return tuple(name for name in ORDER if name in kinds and _has_weights(kinds[name]))
+
+
+def _has_weights(kind: type[Descriptor]) -> bool:
+    return not issubclass(kind, LearnedDescriptor) or kind.shipped().is_file()
 
 
 def build_descriptor(name: str, collection: Collection) -> Descriptor:

@@ -1,7 +1,7 @@
 """What a measured table has measured already, so that it goes on where it was stopped."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -33,23 +33,11 @@ def kept_rows(
     return rows
 
 
-def scenes_asked(request: Request, names: Sequence[str]) -> dict[str, Any]:
-    """What rows of scenes depend on: how many scenes and points, which seed, which methods."""
-    return {'scenes': request.scenes, 'points': request.points, 'seed': request.seed, 'methods': list(names)}
-
-
-def descriptor_asked(request: Request, part: Fingerprinted, **further: Any) -> dict[str, Any]:
-    """What rows of one descriptor depend on: scenes, points, seed, and its settings and weights.
-
-    Args:
-        request: Of the table.
-        part: The descriptor.
-        further: Other plain values.
-    """
+def descriptor_asked(request: Request, part: Fingerprinted) -> dict[str, Any]:
+    """What rows of one descriptor depend on: scenes, points, seed, and its settings and weights."""
     return {
         'scenes': request.scenes,
         'points': request.points,
         'seed': request.seed,
         'descriptor': part.fingerprint(),
-        **further,
     }
