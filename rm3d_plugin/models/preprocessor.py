@@ -36,10 +36,10 @@ class ScenePreprocessor(BaseDataPreprocessor):
 
     In: ``inputs`` = dict of ``points``, a list of (n, D), and, with further views, ``views``: a list of dicts of
     ``points``, a list of (m, D), and ``point_ids``, a list of (m,): the row of its scene's points that each point of
-    the view is, or -1. Out: ``inputs`` = dict of ``points`` (N, D), ``batch_offsets`` (B + 1,) and ``views``, a list of dicts
-    of ``points``, ``batch_offsets`` and ``point_ids`` (rows of the joined ``points``). A view in which no scene of the
-    batch has a point is left out. Batches of mmdetection3d (``Pack3DDetInputs``) are such batches, and their samples
-    are left as they are.
+    the view is, or -1. Out: ``inputs`` = dict of ``points`` (N, D), ``batch_offsets`` (B + 1,) and ``views``, a list of
+    dicts of ``points``, ``batch_offsets`` and ``point_ids`` (rows of the joined ``points``, or -1). A view in which no
+    scene of the batch has a point is left out. Batches of mmdetection3d (``Pack3DDetInputs``) are such batches, and
+    their samples are left as they are.
     """
 
     def forward(self, data: Any, training: bool = False) -> dict[str, Any]:

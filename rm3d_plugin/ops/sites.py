@@ -16,7 +16,7 @@ LOOKS = (8, 32)  # nearest sites of each look at the surroundings
 CHANNELS = 3 * len(LOOKS) + 1
 PATCH = 8  # sites that a described one needs nearby
 NEARBY = 10.0  # voxels
-WIDEST = 120_000  # voxels along an axis, within what sparse convolutions count
+WIDEST = 60_000  # voxels along an axis, within what sparse convolutions count
 
 
 class Sites(NamedTuple):
@@ -73,8 +73,7 @@ def voxel_sites(xyz: Float[np.ndarray, 'points 3'], voxel_size: float | None = N
         raise ValueError(f'the scan is {coords.max()} voxels of {unit:g} m wide, at most {WIDEST}; pass a larger voxel')
     middles = segment_mean(points, grid.point_to_voxel, len(coords))
     inputs, valid = _looks(middles)
-    places = (coords - WIDEST // 2 + 0.5).astype(np.float32)
-    return Sites(places, inputs, valid, grid.point_to_voxel, unit)
+    return Sites((coords + 0.5).astype(np.float32), inputs, valid, grid.point_to_voxel, unit)
 
 
 def _looks(

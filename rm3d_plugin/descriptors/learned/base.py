@@ -2,6 +2,7 @@
 
 import json
 from abc import abstractmethod
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, final
@@ -12,7 +13,7 @@ from jaxtyping import Float, Int
 from mmengine.logging import print_log
 
 from rm3d_plugin.descriptors.base import Descriptor
-from rm3d_plugin.descriptors.learned.tiles import describe_tiles
+from rm3d_plugin.descriptors.learned.tiles import Tile, describe_tiles, make_blocks, make_tiles
 from rm3d_plugin.descriptors.learned.weights_file import SHIPPED, TrainedWeights, build_network, read_weights
 from rm3d_plugin.ops.sites import Sites
 from rm3d_plugin.structures import Descriptors, PointCloud
@@ -42,6 +43,8 @@ class LearnedDescriptor(Descriptor):
 
     Attributes:
         network_type: Registered name of the networks that it takes.
+        blocks: Whether the network says ``block``, the edge of the cubes of a fixed grid that it sees one by one, since
+            nothing bounds its reach within one.
         weights: Of the network, arrays by name.
         model: Config of the network, JSON.
 
@@ -50,6 +53,7 @@ class LearnedDescriptor(Descriptor):
     """
 
     network_type: ClassVar[str]
+    blocks: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -97,9 +101,17 @@ class LearnedDescriptor(Descriptor):
             with torch.no_grad():
                 return self._network.describe(part, offsets).float().cpu().numpy()
 
-        values = describe_tiles(sites.places, self._network.reach, self._max_sites, describe)
+        values = describe_tiles(self._tiles(sites.places), len(sites.places), describe)
         values[~sites.valid] = 0.0
         return Descriptors(values, sites.valid[sites.rows], sites.rows)
+
+    def _tiles(self, places: Float[np.ndarray, 'sites 3']) -> Iterable[Tile]:
+        reach = self._network.reach
+        return (
+            make_blocks(places, reach, self._network.block)
+            if self.blocks
+            else make_tiles(places, reach, self._max_sites)
+        )
 
     @cached_property
     def _network(self) -> Any:

@@ -1,10 +1,11 @@
 """Scans of any size: boxes of sites with all that can reach them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
 
 class Tile(NamedTuple):
@@ -47,17 +48,41 @@ def _within(places: np.ndarray, core: np.ndarray, around: np.ndarray, reach: flo
     return around[((places[around] >= low) & (places[around] <= high)).all(axis=1)]
 
 
+def make_blocks(places: Float[np.ndarray, 'sites 3'], reach: float, edge: float) -> Iterator[Tile]:
+    """The cubes of a fixed grid that hold sites, each with what lies within ``reach`` of it.
+
+    Args:
+        places: (M, 3) in the unit of the lengths.
+        reach: How far beyond a cube the network sees.
+        edge: Of the cubes, whose corners lie at its multiples.
+    """
+    cells, inverse = np.unique(np.floor(places / edge), axis=0, return_inverse=True)
+    order = np.argsort(inverse.reshape(-1), kind='stable')
+    cores = np.split(order, np.cumsum(np.bincount(inverse.reshape(-1)))[:-1]) if len(places) else []
+    tree = cKDTree(places) if len(places) else None
+    for cell, core in zip(cells, cores, strict=True):
+        assert tree is not None
+        middle, half = (cell + 0.5) * edge, edge / 2 + reach
+        rows = np.sort(np.array(tree.query_ball_point(middle, half, p=np.inf), dtype=np.int64))
+        yield Tile(rows, np.isin(rows, core, assume_unique=True))
+
+
 def describe_tiles(
-    places: Float[np.ndarray, 'sites 3'],
-    reach: float,
-    most: int,
+    tiles: Iterable[Tile],
+    count: int,
     describe: Callable[[Int[np.ndarray, ' rows']], Float[np.ndarray, 'rows features']],
 ) -> Float[np.ndarray, 'sites features']:
-    """What ``describe`` says of the sites of each tile, together; see :func:`make_tiles`."""
+    """What ``describe`` says of the core of each tile, together; float32.
+
+    Args:
+        tiles: Each of the ``count`` sites lies in the core of one.
+        count: M.
+        describe: Rows of sites -> a vector each.
+    """
     out: np.ndarray | None = None
-    for tile in make_tiles(places, reach, most):
+    for tile in tiles:
         values = describe(tile.rows)[tile.core]
         if out is None:
-            out = np.zeros((len(places), values.shape[1]), dtype=np.float32)
+            out = np.zeros((count, values.shape[1]), dtype=np.float32)
         out[tile.rows[tile.core]] = values
     return np.zeros((0, 1), dtype=np.float32) if out is None else out

@@ -15,6 +15,13 @@ def distances(
     return square.clamp_min(_TINY).sqrt()
 
 
+def place_distances(
+    first: Float[Tensor, 'first 3'], second: Float[Tensor, 'second 3']
+) -> Float[Tensor, 'first second']:
+    """As :func:`distances`, without its cancellation where coordinates are large; no gradient is asked of it."""
+    return torch.cdist(first, second, compute_mode='donot_use_mm_for_euclid_dist')
+
+
 def row_distances(
     first: Float[Tensor, 'pairs channels'], second: Float[Tensor, 'pairs channels']
 ) -> Float[Tensor, ' pairs']:

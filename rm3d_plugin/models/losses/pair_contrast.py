@@ -13,6 +13,7 @@ from rm3d_plugin.models.losses.contrastive import (
     distances,
     hardest_contrastive_loss,
     pair_loss,
+    place_distances,
     triplet_loss,
 )
 from rm3d_plugin.models.losses.loss_term import LossTerm
@@ -54,7 +55,7 @@ def sample_pairs(batch: Batch, view: View, count: int, least: float) -> SampledP
     second = common_rows(view.point_ids, count)
     first = view.point_ids[second]
     scene = torch.searchsorted(batch.batch_offsets, first, right=True)
-    apart = (distances(batch.xyz[first], batch.xyz[first]) >= least) | (scene[:, None] != scene[None])
+    apart = (place_distances(batch.xyz[first], batch.xyz[first]) >= least) | (scene[:, None] != scene[None])
     return SampledPairs(first, second, apart)
 
 
