@@ -20,6 +20,7 @@ setup(
     package_data={
         'rm3d_plugin': ['py.typed', 'baselines/*/README.md'],
         'rm3d_plugin.experiments.benchmarks': ['*.cpp'],
+        'rm3d_plugin.descriptors.learned': ['weights/*.npz', 'weights/*.md'],
     },
     entry_points={'console_scripts': ['rm3d = rm3d_plugin.commands.main:main']},
     install_requires=[
