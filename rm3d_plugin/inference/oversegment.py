@@ -12,7 +12,8 @@ from mmengine.registry import Registry
 import rm3d_plugin.descriptors
 import rm3d_plugin.oversegmentation  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError, load_config
-from rm3d_plugin.inference.outputs import check_folder, check_targets
+from rm3d_plugin.engine.work_dir import check_folder
+from rm3d_plugin.inference.outputs import check_targets
 from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.label_budgets.clicks import resolve_clicks
 from rm3d_plugin.ops.segment import scatter_rows
