@@ -239,7 +239,7 @@ def click_from_row(where: str, row: Mapping[str, Any], classes: Sequence[str], l
 
 def _rows(path: Path) -> list[Line]:
     if not path.is_file():
-        raise ClickFileError(f'{path}: no such file of clicks')
+        raise ClickFileError(f'{path}: no such file of clicks; looked for at {path.absolute()}')
     readers = {'.json': _json_rows, '.jsonl': _log_rows}
     rows = readers.get(path.suffix.lower(), _csv_rows)(path)
     if not rows:
