@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Int
 
 from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
-from rm3d_plugin.annotation.click_log import ClickLog
+from rm3d_plugin.annotation.click_log import Action, ClickLog
 from rm3d_plugin.annotation.suggestions import Suggestion
 from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
 from rm3d_plugin.inference.label_files import SAME, LabelOptions, check_outputs, write_scan
@@ -61,8 +61,8 @@ class Session:
         except BaseException:
             self.close()
             raise
-        self._done: list[list[int]] = [[number] for number in self.log.numbers]
-        self._undone: list[list[list[Click]]] = []
+        self._done: list[list[int]] = self.log.standing
+        self._undone: list[Action] = []
 
     def close(self) -> None:
         """Let other sessions write the log; nothing is left to be saved."""
@@ -151,21 +151,21 @@ class Session:
             raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
         numbers = self._checked_points(scan, points)
         number = self.classes.index(name)
-        self._act([[Click(scan, number, instance, index=point) for point in numbers]])
+        self._act(Action([[Click(scan, number, instance, index=point) for point in numbers]]))
 
     def erase(self, scan: str, points: Iterable[int]) -> None:
         """Take the labels of points away, one action; points without a label stay so."""
         numbers = self._checked_points(scan, points)
-        self._act([[Click(scan, UNLABELLED, index=point) for point in numbers]])
+        self._act(Action([[Click(scan, UNLABELLED, index=point) for point in numbers]]))
 
     def undo(self) -> bool:
         """Take the latest action back; False where there is none."""
         if not self._done:
             return False
-        taken = self.log.undo_all(self._done[-1])
+        taken = self.log.take_back(self._done[-1])
         self._done.pop()
         self._undone.append(taken)
-        for name in {clicks[0].scene for clicks in taken} & set(self._open):
+        for name in taken.scenes & set(self._open):
             self._follow(name, self._open[name])
         return True
 
@@ -234,7 +234,7 @@ class Session:
             for point, semantic, instance in zip(*(each.tolist() for each in found), strict=True):
                 same = groups.setdefault((scene, semantic, instance), [])
                 same.append(Click(scene, semantic, instance, index=point))
-        self._act(list(groups.values()))
+        self._act(Action(list(groups.values())))
         return sum(map(len, groups.values()))
 
     def export_clicks(self, path: Path) -> Path:
@@ -259,13 +259,13 @@ class Session:
             raise SceneError(f'scan {scan}: expected points 0..{count - 1}, got {got}')
         return found
 
-    def _act(self, groups: list[list[Click]]) -> None:
-        self._add(groups)
+    def _act(self, action: Action) -> None:
+        self._add(action)
         self._undone = []
 
-    def _add(self, groups: list[list[Click]]) -> None:
-        self._done.append(self.log.add_all(groups))
-        for clicks in groups:
+    def _add(self, action: Action) -> None:
+        self._done.append(self.log.act(action))
+        for clicks in action.groups:
             if clicks[0].scene in self._open:
                 scan = self._open[clicks[0].scene]
                 scan.set_labels(_labelled(scan.annotated, clicks, scan.cloud))
