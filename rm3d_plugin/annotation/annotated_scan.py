@@ -4,8 +4,9 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
+from rm3d_plugin.annotation.object_fit import object_points
 from rm3d_plugin.annotation.suggestions import Suggester, Suggestion
 from rm3d_plugin.inference.label_scan import (
     LabelledScan,
@@ -42,6 +43,7 @@ class AnnotatedScan:
         if not len(self.cloud):
             raise SceneError(f'{path}: has no point to label')
         self._annotated = np.full(len(self.cloud), UNLABELLED, dtype=np.int64)
+        self._instance = self._annotated
         self._suggested: set[int] = set()
         self._drawn = drawn_points(len(self.cloud), np.zeros(0, dtype=np.int64), MOST_POINTS)
 
@@ -78,13 +80,40 @@ class AnnotatedScan:
         """Class of each labelled point, -1 elsewhere."""
         return self._annotated
 
-    def set_labels(self, annotated: Int[np.ndarray, ' points']) -> None:
+    @property
+    def instance(self) -> Int[np.ndarray, ' points']:
+        """Object of each labelled point, -1 = none."""
+        return self._instance
+
+    def set_labels(self, annotated: Int[np.ndarray, ' points'], instance: Int[np.ndarray, ' points']) -> None:
         """Labels that stand now, in place of those before.
 
         Args:
             annotated: Class of each point, -1 = unlabelled.
+            instance: Object of each, -1 = none.
         """
-        self._annotated = annotated
+        self._annotated, self._instance = annotated, instance
+
+    def object_points(self, may_be: Bool[np.ndarray, ' points'], number: int) -> Int[np.ndarray, ' inside']:
+        """:func:`~rm3d_plugin.annotation.object_fit.object_points` over the graph of the scan.
+
+        Args:
+            may_be: Points that are of the object's class.
+            number: Of the object.
+
+        Raises:
+            SceneError: No point of the object is labelled.
+        """
+        own = np.flatnonzero(self._instance == number)
+        if not len(own):
+            raise SceneError(f'{self.path}: object {number} has no labelled point: click one')
+        owner = np.full(len(self._drawn), UNLABELLED, dtype=np.int64)
+        labelled = np.flatnonzero(self._instance >= 0)
+        owner[self._nearest[labelled]] = self._instance[labelled]
+        owner[self._nearest[own]] = number
+        xyz, edges = self.scene.cloud.xyz, self.scene.graphs[0].weights
+        found = object_points(xyz, edges, may_be[self._drawn], owner, number)
+        return np.flatnonzero(np.isin(self._nearest, found) & (may_be | (self._instance == number)))
 
     def live(self, num_classes: int) -> LabelledScan:
         """What the labels say of every point, at once; near to :meth:`settled`."""

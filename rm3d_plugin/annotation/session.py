@@ -10,6 +10,7 @@ from jaxtyping import Int
 
 from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
 from rm3d_plugin.annotation.click_log import Action, ClickLog
+from rm3d_plugin.annotation.objects import Objects
 from rm3d_plugin.annotation.suggestions import Suggestion
 from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
 from rm3d_plugin.inference.label_files import SAME, LabelOptions, check_outputs, write_scan
@@ -26,6 +27,10 @@ NO_CLASS = 'a click needs a class: add one first'
 
 class Session:
     """Scans that are labelled together; one process at a time.
+
+    Attributes:
+        log: What was done.
+        objects: Clicks that belong together, and their boxes.
 
     Args:
         scans: Files that can be read, each of another name.
@@ -61,6 +66,7 @@ class Session:
         except BaseException:
             self.close()
             raise
+        self.objects = Objects(self)
         self._done: list[list[int]] = self.log.standing
         self._undone: list[Action] = []
 
@@ -81,6 +87,10 @@ class Session:
         """Names of the scans."""
         return list(self._paths)
 
+    def path(self, name: str) -> Path:
+        """The file of a scan."""
+        return self._paths[name]
+
     def scan(self, name: str) -> AnnotatedScan:
         """A scan, read at first use.
 
@@ -100,6 +110,17 @@ class Session:
     def classes(self) -> tuple[str, ...]:
         """Names of the classes; a class keeps its number."""
         return self.log.classes
+
+    def class_number(self, name: str) -> int:
+        """Number of a class.
+
+        Raises:
+            ClickFileError: There is no such class.
+        """
+        if name not in self.classes:
+            known = ', '.join(self.classes)
+            raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
+        return self.classes.index(name)
 
     def color(self, name: str) -> str:
         """Colour of a class as ``#rrggbb``: its own, or one by its number."""
@@ -146,17 +167,22 @@ class Session:
 
     def brush(self, scan: str, points: Iterable[int], name: str, instance: int = -1) -> None:
         """Label many points at once, one action; see :meth:`click`."""
-        if name not in self.classes:
-            known = ', '.join(self.classes)
-            raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
-        numbers = self._checked_points(scan, points)
-        number = self.classes.index(name)
-        self._act(Action([[Click(scan, number, instance, index=point) for point in numbers]]))
+        number, numbers = self.class_number(name), self._checked_points(scan, points)
+        self.act(Action([[Click(scan, number, instance, index=point) for point in numbers]]))
 
     def erase(self, scan: str, points: Iterable[int]) -> None:
         """Take the labels of points away, one action; points without a label stay so."""
         numbers = self._checked_points(scan, points)
-        self._act(Action([[Click(scan, UNLABELLED, index=point) for point in numbers]]))
+        self.act(Action([[Click(scan, UNLABELLED, index=point) for point in numbers]]))
+
+    def act(self, action: Action) -> None:
+        """Keep an action of several clicks and boxes, whose points and classes are there; :meth:`undo` takes it back.
+
+        Raises:
+            ClickFileError: The lines cannot be written.
+        """
+        self._add(action)
+        self._undone = []
 
     def undo(self) -> bool:
         """Take the latest action back; False where there is none."""
@@ -234,7 +260,7 @@ class Session:
             for point, semantic, instance in zip(*(each.tolist() for each in found), strict=True):
                 same = groups.setdefault((scene, semantic, instance), [])
                 same.append(Click(scene, semantic, instance, index=point))
-        self._act(Action(list(groups.values())))
+        self.act(Action(list(groups.values())))
         return sum(map(len, groups.values()))
 
     def export_clicks(self, path: Path) -> Path:
@@ -259,21 +285,17 @@ class Session:
             raise SceneError(f'scan {scan}: expected points 0..{count - 1}, got {got}')
         return found
 
-    def _act(self, action: Action) -> None:
-        self._add(action)
-        self._undone = []
-
     def _add(self, action: Action) -> None:
         self._done.append(self.log.act(action))
-        for clicks in action.groups:
-            if clicks[0].scene in self._open:
-                scan = self._open[clicks[0].scene]
-                scan.set_labels(_labelled(scan.annotated, clicks, scan.cloud))
+        for name in action.scenes & set(self._open):
+            scan = self._open[name]
+            clicks = [click for group in action.groups if group[0].scene == name for click in group]
+            scan.set_labels(*_labelled(scan.annotated, scan.instance, clicks, scan.cloud))
 
     def _follow(self, name: str, scan: AnnotatedScan) -> None:
         """Label the points of a scan as the log says."""
         nothing = np.full(len(scan.cloud), UNLABELLED, dtype=np.int64)
-        scan.set_labels(_labelled(nothing, self.log.actions(name), scan.cloud))
+        scan.set_labels(*_labelled(nothing, nothing, self.log.actions(name), scan.cloud))
 
     def _placed(self, name: str) -> list[Click]:
         """The clicks that stand in a scan, each with number and place."""
@@ -296,12 +318,17 @@ class Session:
 
 
 def _labelled(
-    annotated: Int[np.ndarray, ' points'], clicks: Sequence[Click], cloud: PointCloud
-) -> Int[np.ndarray, ' points']:
-    """Labels after clicks, of which the later counts."""
-    out = annotated.copy()
-    out[point_numbers(clicks, cloud)] = [click.semantic for click in clicks]
-    return out
+    annotated: Int[np.ndarray, ' points'],
+    instance: Int[np.ndarray, ' points'],
+    clicks: Sequence[Click],
+    cloud: PointCloud,
+) -> tuple[Int[np.ndarray, ' points'], Int[np.ndarray, ' points']]:
+    """Classes and objects after clicks, of which the later counts."""
+    annotated, instance = annotated.copy(), instance.copy()
+    points = point_numbers(clicks, cloud)
+    annotated[points] = [click.semantic for click in clicks]
+    instance[points] = [click.instance for click in clicks]
+    return annotated, instance
 
 
 def default_log(scans: Sequence[Path]) -> Path:

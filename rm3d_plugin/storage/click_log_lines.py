@@ -164,9 +164,9 @@ def _followed(path: Path, lines: Sequence[Line]) -> _Log:
         else:
             last += 1
             standing[last] = (where, row)
-            number = row.get('click', row.get('box'))
-            if number != last:
-                raise ClickFileError(f'{where}: click or box: expected number {last}, got {number!r}')
+            kind = 'box' if 'box' in row else 'click'
+            if row.get(kind) != last:
+                raise ClickFileError(f'{where}: {kind}: expected number {last}, got {row.get(kind)!r}')
     return _Log(standing, last, colors)
 
 
