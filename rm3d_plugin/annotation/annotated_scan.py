@@ -1,5 +1,6 @@
 """A scan that is being labelled: what is computed once, and what every click changes."""
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from rm3d_plugin.inference.label_scan import (
 from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.live import LiveAnswer, LivePropagation
 from rm3d_plugin.storage.columns import read_columns
-from rm3d_plugin.storage.scans import scan_of_columns
+from rm3d_plugin.storage.scans import rows_with_place, scan_of_columns
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 
 MOST_POINTS = 1_000_000  # that labels spread over while one clicks; of larger scans so many are drawn
@@ -32,14 +33,15 @@ class AnnotatedScan:
     Args:
         path: The file.
         columns: See :func:`rm3d_plugin.storage.scans.read_scan`.
+        drop_nan: Pass over points whose place is NaN.
 
     Raises:
         SceneError: The scan cannot be read, or has no point.
     """
 
-    def __init__(self, path: Path, columns: str | None = None) -> None:
+    def __init__(self, path: Path, columns: str | None = None, drop_nan: bool = False) -> None:
         self.path, self.columns = path, read_columns(path, columns)
-        self.cloud: PointCloud = scan_of_columns(self.columns, path).cloud
+        self.cloud: PointCloud = scan_of_columns(self.columns, path, nan_points='drop' if drop_nan else 'error').cloud
         if not len(self.cloud):
             raise SceneError(f'{path}: has no point to label')
         self._annotated = np.full(len(self.cloud), UNLABELLED, dtype=np.int64)
@@ -48,6 +50,11 @@ class AnnotatedScan:
         self._drawn = drawn_points(len(self.cloud), np.zeros(0, dtype=np.int64), MOST_POINTS)
 
     # ------------------------------------------------------------------ computed once
+
+    @cached_property
+    def has_place(self) -> Bool[np.ndarray, ' rows']:
+        """Which rows of the file are points of the cloud."""
+        return rows_with_place(self.columns, None, self.path)
 
     @cached_property
     def scene(self) -> PreparedCloud:
@@ -143,6 +150,16 @@ class AnnotatedScan:
         found = at_all_points(found, self.cloud, self._drawn)
         found.semantic[labelled], found.confidence[labelled] = self._annotated[labelled], 1.0
         return found
+
+    def at_every_row(self, found: LabelledScan) -> LabelledScan:
+        """Labels of the points as labels of the rows of the file: -1 and confidence 0 at those without a place."""
+        rows = self.has_place
+        if rows.all():
+            return found
+        fill = np.full(len(rows), UNLABELLED, dtype=np.int64)
+        semantic, region, confidence = fill, fill.copy(), np.zeros(len(rows), np.float32)
+        semantic[rows], region[rows], confidence[rows] = found.semantic, found.region, found.confidence
+        return replace(found, semantic=semantic, region=region, confidence=confidence)
 
     def suggest(self, num_classes: int, count: int = 1) -> list[Suggestion]:
         """Points whose label would tell most; a place is suggested once.

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.pseudo_labels.detection.boxes import BoxFit, complete_box, is_plausible, tight_box
 
-WHOLE = 0.5  # share of the scan from which on no single object is meant
+WHOLE = 0.75  # share of the scan from which on no single object is meant
 
 
 def object_points(

@@ -70,7 +70,7 @@ class Objects:
         """Points of an object, those between its clicks among them; numbers in the file.
 
         Raises:
-            SceneError: It has no click, or more than half of the scan seems to be of it.
+            SceneError: It has no click, or nearly all of the scan seems to be of it.
         """
         marks, name = self._session.scan(scan), self._class_of(scan, number)
         may_be = self._session.labels(scan).semantic == name

@@ -2,6 +2,7 @@
 
 from typing import Literal, NamedTuple, get_args
 
+import matplotlib.path
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from matplotlib import colormaps
@@ -11,7 +12,7 @@ from rm3d_plugin.inference.label_scan import LabelledScan
 from rm3d_plugin.structures import PointCloud
 from rm3d_plugin.visualization.palette import GREY, region_colors
 
-ColorBy = Literal['colour', 'intensity', 'height', 'class', 'confidence', 'region']
+ColorBy = Literal['colour', 'intensity', 'height', 'class', 'confidence', 'region', 'difference']
 COLOR_BY: tuple[ColorBy, ...] = get_args(ColorBy)
 REACH = 0.006  # of the distance from the eye: as near a ray must pass a point to meet it, beside the point's own size
 BEHIND = 0.02  # of the distance: points so much behind the first in a cell of the picture are hidden
@@ -41,12 +42,12 @@ def colors_by(
     """Colours of points; what a scan lacks is shown by height instead.
 
     Args:
-        kind: What the colours tell.
+        kind: What the colours tell; of a difference the labels hold only what would change.
         cloud: The scan.
         labels: Of its points.
         class_colors: ``#rrggbb`` of each class.
     """
-    if kind == 'class':
+    if kind in ('class', 'difference'):
         table = np.array([to_rgb(color) for color in [*class_colors, GREY]])  # the last, -1, is no class
         return _bytes(table[labels.semantic] * _shade(cloud))
     if kind == 'region':
@@ -99,8 +100,22 @@ def points_in_rectangle(
         high: Lower right corner.
     """
     place, depth = _projected(xyz, camera)
-    inside = (depth > 0) & (place >= low).all(axis=1) & (place <= high).all(axis=1)
-    rows = np.flatnonzero(inside)
+    rows = np.flatnonzero((depth > 0) & (place >= low).all(axis=1) & (place <= high).all(axis=1))
+    return rows[_in_front(place[rows], depth[rows])]
+
+
+def points_in_lasso(
+    xyz: Float[np.ndarray, 'points 3'], camera: Camera, corners: Float[np.ndarray, 'corners 2']
+) -> Int[np.ndarray, ' inside']:
+    """Points in a polygon of the picture that no other point hides.
+
+    Args:
+        xyz: Points that are shown.
+        camera: Of the picture.
+        corners: At least three, in [0, 1] from the upper left of the picture.
+    """
+    place, depth = _projected(xyz, camera)
+    rows = np.flatnonzero((depth > 0) & matplotlib.path.Path(corners).contains_points(place))
     return rows[_in_front(place[rows], depth[rows])]
 
 

@@ -30,6 +30,7 @@ class Session:
 
     Attributes:
         log: What was done.
+        columns: What the columns of tables hold.
         objects: Clicks that belong together, and their boxes.
 
     Args:
@@ -38,6 +39,8 @@ class Session:
             the only scan, ``clicks.jsonl`` beside the first of several.
         classes: Names of classes that are there from the start.
         columns: What the columns of tables hold, see :func:`rm3d_plugin.storage.scans.read_scan`.
+        drop_nan: Pass over points whose place is NaN; numbers of points count the others, and labels of a saved scan
+            are -1 there. Else such a scan is refused.
 
     Raises:
         ConfigError: Two scans have one name.
@@ -47,13 +50,18 @@ class Session:
     """
 
     def __init__(
-        self, scans: Sequence[Path], log: Path | None = None, classes: Sequence[str] = (), columns: str | None = None
+        self,
+        scans: Sequence[Path],
+        log: Path | None = None,
+        classes: Sequence[str] = (),
+        columns: str | None = None,
+        drop_nan: bool = False,
     ) -> None:
         if not scans:
             raise SceneError('a session needs a scan, got none')
         check_names(scans, [scan.stem for scan in scans])
         self._paths = {scan.stem: Path(scan) for scan in scans}
-        self._columns, self._open = columns, dict[str, AnnotatedScan]()
+        self.columns, self._drop_nan, self._open = columns, drop_nan, dict[str, AnnotatedScan]()
         path = log or default_log(scans)
         self._lock = contextlib.ExitStack()
         self._lock.enter_context(process_lock(path.with_name(path.name + '.lock')))
@@ -101,7 +109,7 @@ class Session:
         if name not in self._paths:
             raise SceneError(f'no scan {name!r} in this session; it has {", ".join(self._paths)}')
         if name not in self._open:
-            scan = AnnotatedScan(self._paths[name], self._columns)
+            scan = AnnotatedScan(self._paths[name], self.columns, self._drop_nan)
             self._follow(name, scan)
             self._open[name] = scan
         return self._open[name]
@@ -170,6 +178,28 @@ class Session:
         number, numbers = self.class_number(name), self._checked_points(scan, points)
         self.act(Action([[Click(scan, number, instance, index=point) for point in numbers]]))
 
+    def give(self, scan: str, points: Int[np.ndarray, ' given'], classes: Int[np.ndarray, ' given']) -> None:
+        """Label points with a class each, one action.
+
+        Args:
+            scan: Name of the scan.
+            points: Numbers in its file, each once.
+            classes: Number of the class of each.
+
+        Raises:
+            SceneError: There is no such scan or point, or no point at all.
+            ClickFileError: There is no such class, or the lines cannot be written.
+        """
+        self._checked_points(scan, points)
+        self.act(
+            Action(
+                [
+                    [Click(scan, number, index=point) for point in points[classes == number].tolist()]
+                    for number in np.unique(classes).tolist()
+                ]
+            )
+        )
+
     def erase(self, scan: str, points: Iterable[int]) -> None:
         """Take the labels of points away, one action; points without a label stay so."""
         numbers = self._checked_points(scan, points)
@@ -217,6 +247,11 @@ class Session:
         """Points whose label would tell most, with reasons; a place is suggested once in a session."""
         return self.scan(scan).suggest(len(self.classes), count)
 
+    def labelled_scans(self) -> list[str]:
+        """Names of the scans that have a label."""
+        clicked = [name for name in self.scans if self.log.actions(name)]
+        return [name for name in clicked if (self.scan(name).annotated >= 0).any()]
+
     def save(self, out: Path, kind: str = SAME) -> list[Path]:
         """Write every scan that has a label with its classes, confidences and regions; returns the files.
 
@@ -229,8 +264,7 @@ class Session:
             ConfigError: A file would replace one that was read, or the format is not known.
             SceneError: Nothing is labelled.
         """
-        clicked = [name for name in self.scans if self.log.actions(name)]
-        labelled = [name for name in clicked if (self.scan(name).annotated >= 0).any()]
+        labelled = self.labelled_scans()
         if not labelled:
             raise SceneError('nothing to save: no point is labelled yet')
         check_outputs([self._paths[name] for name in labelled], [self.log.path], out, LabelOptions(format=kind))
@@ -238,7 +272,11 @@ class Session:
         for name in labelled:
             scan = self.scan(name)
             found = self.settled(name, check=False)
-            files += write_scan(scan.path, scan.columns, scan.cloud, found, self._given(name), out, kind)
+            if kind == SAME:
+                found, columns = scan.at_every_row(found), scan.columns
+            else:
+                columns = {each: values[scan.has_place] for each, values in scan.columns.items()}
+            files += write_scan(scan.path, columns, scan.cloud, found, self._given(name), out, kind)
         return files
 
     # ------------------------------------------------------------------ clicks of other programs
@@ -314,7 +352,8 @@ class Session:
     def _given(self, scan: str) -> GivenLabels:
         points = np.flatnonzero(self.scan(scan).annotated >= 0)
         labels = {scan: PointLabels(points, self.scan(scan).annotated[points])}
-        return GivenLabels(self.classes, tuple(range(len(self.classes))), labels)
+        values = (*range(len(self.classes)), UNLABELLED)  # the last, -1, stands for no class
+        return GivenLabels(self.classes, values, labels)
 
 
 def _labelled(

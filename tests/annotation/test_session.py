@@ -270,3 +270,30 @@ def test_classes_have_colours_that_stay(scan):
         assert annotated_points(again) == {3: 2}
     rows = [json.loads(line) for line in again.log.path.read_text().splitlines()]
     assert rows[-1] == {'rename': 'roof', 'to': 'gable'}
+
+
+def test_points_without_a_place_stay_without_a_label(scan, tmp_path):
+    columns = dict(read_ply(scan[0]))
+    columns['x'] = columns['x'].copy()
+    columns['x'][:7] = np.nan
+    path = write_ply(tmp_path / 'holes.ply', columns)
+    with started(path) as session, pytest.raises(SceneError, match='7 of 1800 points are NaN'):
+        session.scan('holes')
+    with pytest.warns(UserWarning, match='they are dropped'), started(path, drop_nan=True) as session:
+        session.click('holes', 10, 'floor')
+        session.click('holes', 1700, 'wall')
+        assert len(session.labels('holes').semantic) == 1793
+        (written,) = session.save(tmp_path / 'out')
+    labels = read_ply(written)
+    assert labels['label'][:7].tolist() == labels['region'][:7].tolist() == [-1] * 7
+    assert labels['label'][[17, 1707]].tolist() == [0, 1] and (labels['label'][7:] >= 0).all()
+
+
+def test_an_import_is_one_undo_after_a_restart_too(scan, tmp_path):
+    exported = tmp_path / 'clicks.csv'
+    exported.write_text('scene,index,class\ncorner,1,floor\ncorner,2,wall\n')
+    with started(scan[0]) as session:
+        session.click('corner', 5, 'floor')
+        session.import_clicks(exported)
+    with started(scan[0]) as again:
+        assert again.undo() and annotated_points(again) == {5: FLOOR}
