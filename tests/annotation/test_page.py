@@ -1,7 +1,5 @@
-"""The page: what a click does, without a browser; and in a real one where there is one."""
+"""The page: what a click does, without a browser."""
 
-import shutil
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,9 +11,6 @@ from rm3d_plugin.storage.ply import read_ply, write_ply
 
 pytest.importorskip('viser', reason='the page needs rm3d_plugin[annotate]')
 from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # noqa: E402
-
-CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
-GRAPHICS = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']
 
 
 class Client:
@@ -191,44 +186,3 @@ def test_a_second_tab_is_told(opened, monkeypatch):
     assert [each.told for each in clients.values()] == 2 * [
         ['this page is open twice: both change one and the same session']
     ]
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason='no chromium on this machine')
-def test_in_a_browser(opened):
-    playwright = pytest.importorskip('playwright.sync_api', reason='needs playwright')
-    page, _ = opened
-    log, names = page.session.log.path, page.session.classes
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=GRAPHICS)
-        tab = browser.new_page(viewport={'width': 900, 'height': 600})
-        tab.set_default_timeout(120_000)
-        tab.goto(page.url)
-        tab.wait_for_selector('text=Where to click next')
-        clicked = False
-        for _ in range(10):  # until the scene stands
-            tab.mouse.click(300, 320)
-            clicked = clicked or _within(5, lambda: len(page.session.log.clicks) > 0)
-            if clicked:
-                break
-        assert clicked and read_clicks(log, names)[0].semantic == 0
-        tab.wait_for_selector('text=every click is kept')
-        for key in 'n', 'b':  # begins an object, and has no point of it yet
-            tab.keyboard.press(key)
-        tab.wait_for_selector('text=there is no object 0: give it a point first')
-        before = len(page.session.log.clicks)
-        tab.get_by_role('button', name='Undo').click()
-        assert _within(60, lambda: len(page.session.log.clicks) == before - 1)
-        tab.get_by_role('button', name='Redo').click()
-        assert _within(60, lambda: len(page.session.log.clicks) == before)
-        tab.get_by_role('button', name='Save').click()
-        assert _within(60, lambda: (page._out.folder / 'corner.ply').exists())
-        browser.close()
-    with Session([log.with_name('corner.ply')], log=log) as again:  # as after a reload
-        assert len(again.log.clicks) == before
-
-
-def _within(seconds, done):
-    ends = time.monotonic() + seconds
-    while not done() and time.monotonic() < ends:
-        time.sleep(0.1)
-    return done()

@@ -1,9 +1,6 @@
 """A session without any web: every action is answered from the disk's point of view, and labels follow."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -86,23 +83,6 @@ def test_every_answered_action_is_on_the_disk(scan):
     with Session([path]) as again:
         assert again.classes == ('floor', 'wall') and annotated_points(again) == expected
         assert {click.index: click.semantic for click in read_clicks(log, names)} == expected
-
-
-def test_a_killed_session_keeps_every_answered_action(scan):
-    script, log = Path(__file__).with_name('killed_session.py'), scan[0].with_name('corner.clicks.jsonl')
-    for seed in range(2):
-        command = [sys.executable, str(script), str(scan[0]), str(seed)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-            told = [process.stdout.readline() for _ in range(40)]
-            process.kill()
-            told += process.stdout.readlines()
-        answered = {
-            int(point): own for point, own in json.loads([row for row in told if row.endswith(b'\n')][-1]).items()
-        }
-        found = [{click.index: click.semantic for click in ClickLog(log).clicks}]
-        log.write_bytes(b''.join(log.read_bytes().splitlines(keepends=True)[:-1]))
-        found.append({click.index: click.semantic for click in ClickLog(log).clicks})
-        assert answered in found  # one more action may be there, which was not answered
 
 
 def test_a_region_is_labelled_as_a_whole(scan):
