@@ -14,9 +14,11 @@ from rm3d_plugin.visualization.palette import GREY, region_colors
 
 ColorBy = Literal['colour', 'intensity', 'height', 'class', 'confidence', 'region', 'difference']
 COLOR_BY: tuple[ColorBy, ...] = get_args(ColorBy)
+SHOWN = 400_000  # points of the picture, at most; labels are on all
 REACH = 0.006  # of the distance from the eye: as near a ray must pass a point to meet it, beside the point's own size
 BEHIND = 0.02  # of the distance: points so much behind the first in a cell of the picture are hidden
 DARKEST = 0.5  # of a class's colour, on what is dark in the scan
+CLEAR = 0.2  # of the way to the eye: so wide a tube, and from so far on, shall hold no point
 IN_CELL = 8  # points in a cell of the rectangle, about: the first of them hides the others
 
 
@@ -117,6 +119,35 @@ def points_in_lasso(
     place, depth = _projected(xyz, camera)
     rows = np.flatnonzero((depth > 0) & matplotlib.path.Path(corners).contains_points(place))
     return rows[_in_front(place[rows], depth[rows])]
+
+
+def clearest_way(
+    xyz: Float[np.ndarray, 'points 3'],
+    place: Float[np.ndarray, '3'],
+    before: Float[np.ndarray, '3'],
+    length: float,
+) -> Float[np.ndarray, '3']:
+    """Direction from a place to an eye that sees it with the fewest points between, near to that of before.
+
+    Args:
+        xyz: Points that are shown.
+        place: Looked at, metres.
+        before: From it to the eye until now, of any length above 0.
+        length: From it to the eye from now on, metres.
+    """
+    turns, lifts = np.deg2rad(np.arange(0.0, 360.0, 45.0)), np.deg2rad([20.0, 50.0])
+    turn, lift = (each.ravel() for each in np.meshgrid(turns, lifts))
+    ways = np.stack([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)], axis=1)
+    own = before / np.linalg.norm(before)
+    ways = np.concatenate([own[None], ways[np.argsort(-(ways @ own), kind='stable')]])
+    away = xyz - place
+    near = away[np.square(away).sum(axis=1) <= (1.2 * length) ** 2]
+    between = []
+    for way in ways:
+        ahead = near @ way
+        beside = np.square(near).sum(axis=1) - np.square(ahead)
+        between.append(int(np.count_nonzero((ahead > CLEAR * length) & (beside < (CLEAR * length) ** 2))))
+    return np.asarray(ways[int(np.argmin(between))])
 
 
 def _projected(

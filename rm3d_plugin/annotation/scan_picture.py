@@ -8,12 +8,19 @@ from jaxtyping import Float, Int, UInt8
 from viser.transforms import SO3
 
 from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
-from rm3d_plugin.annotation.point_view import Camera, point_hit, points_in_lasso, points_in_rectangle
+from rm3d_plugin.annotation.point_view import (
+    SHOWN,
+    Camera,
+    clearest_way,
+    point_hit,
+    points_in_lasso,
+    points_in_rectangle,
+)
 from rm3d_plugin.structures import Boxes3D
 
-SHOWN = 400_000  # points of the picture, at most; labels are on all
 MOST_DOTS = 5000  # labelled points that are marked
 MARK = 'suggestion'
+NEAR = 60  # times the distance between points: from there a suggestion is looked at
 EDGES = np.array([(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)])
 
 
@@ -129,12 +136,13 @@ class ScanPicture:
             self._mark = None
 
     def look_at(self, client: Any, point: int) -> None:
-        """Turn the camera of a client to a point, and bring it near."""
+        """Turn the camera of a client to a point, and bring it near, where little is in between."""
         place = self._xyz[point].astype(np.float64)
         away = np.asarray(client.camera.position) - place
-        length = max(float(np.linalg.norm(away)), 1e-9)
+        away = away if away.any() else np.array([0.0, 0.0, 1.0])
+        length = min(float(np.linalg.norm(away)), NEAR * self._spacing)
         client.camera.look_at = place
-        client.camera.position = place + away / length * min(length, 60 * self._spacing)
+        client.camera.position = place + length * clearest_way(self._xyz[self._shown], place, away, length)
 
 
 def camera_of(client: Any) -> Camera:

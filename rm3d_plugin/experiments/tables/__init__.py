@@ -2,6 +2,7 @@
 
 from rm3d_plugin.experiments.spec import MeasuredTable, Table
 from rm3d_plugin.experiments.tables.clicks_to_quality import clicks_table
+from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
 from rm3d_plugin.experiments.tables.propagation import propagation_table
@@ -28,6 +29,10 @@ TABLES: dict[str, Table | MeasuredTable] = {
     ),
     'descriptors-overseg': MeasuredTable(
         'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table
+    ),
+    'descriptors-matching': MeasuredTable(
+        'The same place found in two scans, and objects told apart, by descriptor, as scanned and turned',
+        matching_table,
     ),
     'robustness-card': MeasuredTable(
         'Similarity of the same point after turning, dropping points and noise', robustness_table
