@@ -73,6 +73,7 @@ class AnnotationPage:
         self.server.scene.on_rect_select(modifier='shift')(self.guarded(self._dragged))
         self.server.on_client_connect(self.guarded(self._joined))
         self._open(session.scans[0])
+        self._train_if_asked()
 
     @property
     def url(self) -> str:
@@ -344,7 +345,12 @@ class AnnotationPage:
             self._estimate = self._labels.remark()
             self._paint()
         self._told()
-        if self._trains and np.unique(self._current.annotated).size > 2 and not self.training.running:
+        self._train_if_asked()
+
+    def _train_if_asked(self) -> None:
+        """Start the training of ``--train``, once, as soon as there are labels of two classes."""
+        annotated = self._current.annotated
+        if self._trains and np.unique(annotated[annotated >= 0]).size > 1:
             self._trains = False
             self.training.start()
 
