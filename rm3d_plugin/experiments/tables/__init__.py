@@ -1,6 +1,7 @@
 """Every table by its name; a file holds a family of them."""
 
 from rm3d_plugin.experiments.spec import MeasuredTable, Table
+from rm3d_plugin.experiments.tables.clicks_to_quality import clicks_table
 from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
@@ -22,6 +23,9 @@ TABLES: dict[str, Table | MeasuredTable] = {
     'pseudo-labels': MeasuredTable(
         'Coverage and precision of pseudo labels by round, synthetic and real, both strategies (trains)',
         pseudo_label_table,
+    ),
+    'clicks-to-quality': MeasuredTable(
+        'Points that are right after each click of an annotator, by where the next click falls', clicks_table
     ),
     'descriptors-overseg': MeasuredTable(
         'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table
