@@ -9,6 +9,7 @@ from rm3d_plugin.datasets.files import FilesDataset
 from rm3d_plugin.datasets.instance_boxes import InstanceBoxDataset
 from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.oakland import OaklandDataset
+from rm3d_plugin.datasets.other_classes import OtherClassesDataset
 from rm3d_plugin.datasets.s3dis import S3DISDataset
 from rm3d_plugin.datasets.scannet import ScanNetDataset
 from rm3d_plugin.datasets.segmentation import SegmentationDataset
@@ -25,6 +26,7 @@ __all__ = [
     'InstanceBoxDataset',
     'KittiDataset',
     'OaklandDataset',
+    'OtherClassesDataset',
     'S3DISDataset',
     'ScanNetDataset',
     'SceneDataset',
