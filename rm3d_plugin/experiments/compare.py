@@ -11,13 +11,13 @@ from scipy.stats import ttest_rel
 from rm3d_plugin.experiments.paper import paper_value
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
 from rm3d_plugin.experiments.runner import final_scores, seeds_of
-from rm3d_plugin.experiments.spec import Part, PaperTable, Request, Row
+from rm3d_plugin.experiments.spec import PaperTable, Part, Request, Row
 
 Sign = Literal['agrees', 'differs', 'within noise', 'one seed', '-']
 LEVEL = 0.05  # of the test
 TEST = f'Sign: of the difference, beside the paper; paired t-test over the seeds, two-sided, p < {LEVEL:g}.'
 HEADS = ('ours (lowest to highest)', 'delta', 'p', 'paper', 'delta', 'sign')
-NONE = '-'
+NONE: Literal['-'] = '-'
 
 
 class Comparison(NamedTuple):
@@ -41,7 +41,7 @@ class Comparison(NamedTuple):
 
 
 def paired_p(deltas: Sequence[float]) -> float | None:
-    """p of the two-sided paired t-test that the mean difference is zero; None with fewer than two.
+    """Chance (p) of the two-sided paired t-test that the mean difference is zero; None with fewer than two.
 
     >>> round(paired_p([1.0, 2.0, 3.0]), 4)
     0.0742

@@ -1,7 +1,7 @@
 """What the paper's tables say: ``paper_tables/LABEL.csv``, LABEL being the paper's own name of the table.
 
-The values are those of the cells; differences are always taken anew, since the paper's arrows contain slips. Where a cell
-holds two values, the order of the columns is that of the values, not of a caption that says otherwise
+The values are those of the cells; differences are always taken anew, since the paper's arrows contain slips. Where a
+cell holds two values, the order of the columns is that of the values, not of a caption that says otherwise
 (``table_ablation_detect_o``: its caption has KITTI first, its values have Waymo first).
 """
 

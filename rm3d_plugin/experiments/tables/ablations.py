@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rm3d_plugin.baselines import LABELLED_ONLY, Task
-from rm3d_plugin.experiments.spec import Part, PaperTable, Row
+from rm3d_plugin.experiments.spec import PaperTable, Part, Row
 from rm3d_plugin.experiments.tables.paper_rows import (
     AS_PAPER,
     DEFAULT,

@@ -3,7 +3,7 @@
 from typing import Any
 
 from rm3d_plugin.baselines import FULL_SUPERVISION, LABELLED_ONLY, Task
-from rm3d_plugin.experiments.spec import Part, PaperTable
+from rm3d_plugin.experiments.spec import PaperTable, Part
 from rm3d_plugin.experiments.tables.paper_rows import AS_PAPER, DEFAULT, PAPER, leaf_row, method_rows_of
 
 INDOOR: tuple[tuple[Task, str, tuple[str, ...], str], ...] = (
@@ -19,7 +19,11 @@ OUTDOOR: tuple[tuple[Task, str, tuple[str, ...], str], ...] = (
 POINTS = {'0p2pct': '0.2 % of the points', 'onept': 'a point a class', '1pct': '1 % of the points'}
 BOXES = {'1pct': '1 % of the boxes', '0p5pct': '0.5 % of the boxes', '3pct': '3 % of the boxes'}
 DETECTION = {
-    'kitti_moderate': ('kitti', 'Pedestrian_3d_moderate_R40@0.25', 'pedestrians of streets as KITTI has them, moderate'),
+    'kitti_moderate': (
+        'kitti',
+        'Pedestrian_3d_moderate_R40@0.25',
+        'pedestrians of streets as KITTI has them, moderate',
+    ),
     'kitti_easy': ('kitti', 'Pedestrian_3d_easy_R40@0.25', 'pedestrians of streets as KITTI has them, easy'),
     'kitti_hard': ('kitti', 'Pedestrian_3d_hard_R40@0.25', 'pedestrians of streets as KITTI has them, hard'),
     'waymo_vehicle': ('waymo', 'Vehicle_L2_APH', 'vehicles of streets as Waymo has them, level 2 APH'),
@@ -45,7 +49,9 @@ def _points(kinds: tuple[tuple[Task, str, tuple[str, ...], str], ...], label: st
 
 def _detection() -> tuple[Part, ...]:
     return tuple(
-        Part(f'{title}, {shown}', method_rows_of('votenet', data, budget), (key,), PAPER, f'tablewslresults_det:{column}')
+        Part(
+            f'{title}, {shown}', method_rows_of('votenet', data, budget), (key,), PAPER, f'tablewslresults_det:{column}'
+        )
         for budget, shown in BOXES.items()
         for column, (data, key, title) in DETECTION.items()
     )
@@ -67,7 +73,9 @@ def _scenes() -> tuple[Part, ...]:
 
 BUDGET_TABLES: dict[str, PaperTable] = {
     'budgets-indoor': PaperTable('Every method, indoors, in percent', _points(INDOOR, 'tablewslresults_sem_indoor')),
-    'budgets-outdoor': PaperTable('Every method, outdoors, in percent', _points(OUTDOOR, 'tablewslresults_sem_outdoor')),
+    'budgets-outdoor': PaperTable(
+        'Every method, outdoors, in percent', _points(OUTDOOR, 'tablewslresults_sem_outdoor')
+    ),
     'detection': PaperTable(
         'Boxes, every method, in percent (KITTI: 3D AP, R40, IoU .25)',
         _detection(),

@@ -12,7 +12,9 @@ from rm3d_plugin.visualization.tables import BarPanel, draw_bars
 
 POINTS = 200_000  # where the request leaves them open; rm3d bench octree takes more
 REPEATS, NEIGHBORS, LEAF_SIZE, QUERIES = 3, 30.0, 32, 100
-CLAIM = 'The paper: 18.2 times as fast as an octree that it does not name, about 3e6 points, machine and radius not told.'
+CLAIM = (
+    'The paper: 18.2 times as fast as an octree that it does not name, about 3e6 points, machine and radius not told.'
+)
 
 
 class OctreeRow(NamedTuple):
@@ -62,15 +64,18 @@ def fill_octree(rows: Sequence[OctreeRow], points: int) -> FilledTable:
     """A section for programs, one for rules."""
     programs = [row for row in rows if row.kind == 'program']
     return FilledTable(
-        title=f'Radius search for every point of a room of {points:,} points, about {NEIGHBORS:g} neighbours, one thread',
+        title=f'Radius search for all {points:,} points of a room, about {NEIGHBORS:g} neighbours, one thread',
         notes=(CLAIM, 'Processor time, median; sort and build included.'),
         sections=(
             _section('Programs', ('program', 'CPU s', 'times ours'), programs),
-            _section('Rules of our octree', ('rules', 'microseconds a query', 'octants a query'), rows[len(programs) :]),
+            _section(
+                'Rules of our octree', ('rules', 'microseconds a query', 'octants a query'), rows[len(programs) :]
+            ),
         ),
         records=tuple({'points': points, **row._asdict()} for row in rows),
         figure=lambda: draw_bars(
-            [BarPanel('Programs', [row.name for row in programs], {'CPU s': [row.seconds for row in programs]})], 'CPU s'
+            [BarPanel('Programs', [row.name for row in programs], {'CPU s': [row.seconds for row in programs]})],
+            'CPU s',
         ),
     )
 

@@ -34,7 +34,7 @@ def leaf_row(
 
 
 def trivial_rows(task: Task, data: str, budget: str) -> tuple[Row, Row]:
-    """The network on the labels alone, and RM3D as it is by default; what a table of the paper's method has beside it."""
+    """The network on the labels alone, and RM3D as it is by default: what stands beside the paper's method."""
     return (
         leaf_row(LABELLED_ONLY.row(task), LABELLED_ONLY.config(task, data, budget)),
         leaf_row(DEFAULT, f'rm3d_{task}_{data}_{budget}'),

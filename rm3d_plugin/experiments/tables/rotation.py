@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from rm3d_plugin.experiments.spec import Part, PaperTable, Row
+from rm3d_plugin.experiments.spec import PaperTable, Part, Row
 from rm3d_plugin.experiments.tables.paper_rows import (
     AS_PAPER,
     DEFAULT,
@@ -47,6 +47,6 @@ ROTATION = PaperTable(
     tuple(_part(angle) for angle in (0, 90, *(other for other in ANGLES if other not in (0, 90)))),
     (
         'The paper turns by a random angle of 0 to 180 degrees; its second value stands beside every angle but 0.',
-        'Descriptors make labels of training scenes alone: what turning does to regions is told by descriptors-overseg.',
+        'Descriptors make labels of training scenes alone; descriptors-overseg tells what turning does to regions.',
     ),
 )
