@@ -4,6 +4,7 @@ from rm3d_plugin.experiments.spec import MeasuredTable, PaperTable, Table
 from rm3d_plugin.experiments.tables.ablations import ABLATIONS
 from rm3d_plugin.experiments.tables.budgets import BUDGET_TABLES
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
+from rm3d_plugin.experiments.tables.figures import figures_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
 from rm3d_plugin.experiments.tables.octree import octree_table
 from rm3d_plugin.experiments.tables.propagation import propagation_table
@@ -34,6 +35,9 @@ TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
         'Similarity of the same point after turning, dropping points and noise', robustness_table
     ),
     'octree': MeasuredTable("Radius search: ours, other programs, and each of the octree's rules", octree_table),
+    'figures': MeasuredTable(
+        'Pictures of labels by round and of regions by descriptor; quality of labels', figures_table
+    ),
     **BUDGET_TABLES,
     **ABLATIONS,
     'transfer': TRANSFER,
@@ -55,6 +59,7 @@ ALL = (
     'rotation',
     'budgets-outdoor',
     'pseudo-labels',
+    'figures',
     'descriptors-overseg',
     'robustness-card',
     'octree',
