@@ -1,5 +1,6 @@
 """Our rows beside the paper's: differences taken anew, and whether their signs agree beyond the noise of the seeds."""
 
+import math
 import statistics
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -8,9 +9,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.stats import ttest_rel
 
+from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments.paper import paper_value
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
-from rm3d_plugin.experiments.runner import final_scores, seeds_of
+from rm3d_plugin.experiments.runner import final_scores, run_folder, seeds_of
 from rm3d_plugin.experiments.spec import PaperTable, Part, Request, Row
 
 Sign = Literal['agrees', 'differs', 'within noise', 'one seed', '-']
@@ -143,8 +145,13 @@ def _scores(part: Part, request: Request) -> dict[str, dict[int, float]]:
 
 
 def _score(part: Part, row: Row, seed: int, request: Request) -> float:
+    """Mean of the scores that are known: a class may be in no scene that is tested."""
     scores = final_scores(request.out, row, seed)
-    return statistics.mean(scores[key] for key in part.score)
+    known = [value for key in part.score if (value := scores.get(key)) is not None and not math.isnan(value)]
+    if not known:
+        folder = run_folder(request.out, row, seed)
+        raise ConfigError(f'{folder}: expected a score {" or ".join(part.score)}, got {", ".join(scores)}')
+    return statistics.mean(known)
 
 
 def _section(part: Part, found: Mapping[str, Comparison]) -> Section:
