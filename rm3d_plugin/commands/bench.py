@@ -11,6 +11,7 @@ import torch
 from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.experiments.benchmarks import (
     clicks_to_quality,
+    cost_model,
     descriptors,
     first_call,
     large_scene,
@@ -30,6 +31,7 @@ BENCHMARKS = (
     *regions.ALL,
     prepare,
     large_scene,
+    cost_model,
     first_call,
     propagate_clicks,
     clicks_to_quality,
