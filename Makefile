@@ -3,6 +3,7 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
+WORKERS ?= 2
 DEMO := rm3d_votenet_kitti_1pct
 
 .PHONY: setup demo annotate test fuzz faults mmdet3d lint types layers bench docs dist try-dist clean
@@ -21,8 +22,9 @@ demo: $(STAMP)
 annotate: $(STAMP)
 	$(BIN)/rm3d annotate --demo --classes floor wall chair table
 
+# Two processes at a time: one has about 1.2 GB. WORKERS=0 is one process, in which a debugger works.
 test: $(STAMP)
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
 fuzz: $(STAMP)
 	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py

@@ -21,6 +21,7 @@ setup(
         'rm3d_plugin': ['py.typed', 'baselines/*/README.md'],
         'rm3d_plugin.experiments': ['paper_tables/*.csv'],
         'rm3d_plugin.experiments.benchmarks': ['*.cpp'],
+        'rm3d_plugin.descriptors.learned': ['weights/*.npz', 'weights/*.md'],
     },
     entry_points={'console_scripts': ['rm3d = rm3d_plugin.commands.main:main']},
     install_requires=[
@@ -43,6 +44,7 @@ setup(
         'standalone': ['mmengine-lite>=0.10.7,<0.11', 'opencv-python-headless>=4.8'],
         'test': [
             'pytest>=8',
+            'pytest-xdist>=3.6',
             'hypothesis>=6.100',
             'pytest-benchmark>=5',
             'beartype>=0.19',

@@ -7,6 +7,7 @@ from rm3d_plugin.datasets.box_files import BoxFilesDataset
 from rm3d_plugin.datasets.boxes import BoxDataset
 from rm3d_plugin.datasets.files import FilesDataset
 from rm3d_plugin.datasets.instance_boxes import InstanceBoxDataset
+from rm3d_plugin.datasets.joined import JoinedScenes
 from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.oakland import OaklandDataset
 from rm3d_plugin.datasets.other_classes import OtherClassesDataset
@@ -24,6 +25,7 @@ __all__ = [
     'DatasetNotFoundError',
     'FilesDataset',
     'InstanceBoxDataset',
+    'JoinedScenes',
     'KittiDataset',
     'OaklandDataset',
     'OtherClassesDataset',

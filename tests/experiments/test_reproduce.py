@@ -74,7 +74,13 @@ def test_each_budget_of_a_table_has_both_strategies_and_the_labels_alone(name):
 
 def test_measured_tables_of_labels_have_both_strategies_and_what_is_trivial():
     measured = {name for name, table in TABLES.items() if isinstance(table, MeasuredTable)}
-    assert measured - LABELLED == {'descriptors-overseg', 'robustness-card', 'octree', 'figures'}
+    assert measured - LABELLED == {
+        'descriptors-overseg',
+        'descriptors-matching',
+        'robustness-card',
+        'octree',
+        'figures',
+    }
     assert {'nearest labelled point', 'labelled points alone', 'RM3D as in the paper', 'RM3D'} <= set(METHODS)
     assert {'labelled_only', 'nearest', 'paper', 'rm3d'} <= set(COLUMNS)
     assert list(ROUND_METHODS.values()) == ['nearest labelled point', 'RM3D as in the paper', 'RM3D']

@@ -43,8 +43,9 @@ class Workload(NamedTuple):
     refreshes: int
 
 
-# Training scans: ScanNet v2's list; SemanticKITTI's sequences 00 to 10 without 08. Points of a scan are round figures, to
-# be replaced by those of one's own data; a city is tiles of a million points. Epochs: METHOD 7, a tenth of it outdoors.
+# Training scans: ScanNet v2's list; SemanticKITTI's sequences 00 to 10 without 08. Points of a scan are round figures,
+# to be replaced by those of one's own data; a city: tiles of a million points.
+# Epochs: METHOD 7, a tenth of it outdoors.
 WORKLOADS = {
     'ScanNet': Workload(1201, 150_000, 520, 8),
     'SemanticKITTI': Workload(19_130, 120_000, 52, 8),

@@ -3,6 +3,7 @@
 from rm3d_plugin.experiments.spec import MeasuredTable, PaperTable, Table
 from rm3d_plugin.experiments.tables.ablations import ABLATIONS
 from rm3d_plugin.experiments.tables.budgets import BUDGET_TABLES
+from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
 from rm3d_plugin.experiments.tables.figures import figures_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
@@ -30,6 +31,10 @@ TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     ),
     'descriptors-overseg': MeasuredTable(
         'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table
+    ),
+    'descriptors-matching': MeasuredTable(
+        'The same place found in two scans, and objects told apart, by descriptor, as scanned and turned',
+        matching_table,
     ),
     'robustness-card': MeasuredTable(
         'Similarity of the same point after turning, dropping points and noise', robustness_table
@@ -61,6 +66,7 @@ ALL = (
     'pseudo-labels',
     'figures',
     'descriptors-overseg',
+    'descriptors-matching',
     'robustness-card',
     'octree',
 )

@@ -6,15 +6,14 @@ from typing import Any
 from rm3d_plugin.baselines import BASELINES, FULL_SUPERVISION, LABELLED_ONLY, Task
 from rm3d_plugin.baselines.base import Baseline
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.experiments.compared_descriptors import compared_descriptors
 from rm3d_plugin.experiments.paper import paper_table
 from rm3d_plugin.experiments.run_commands import config_path
 from rm3d_plugin.experiments.spec import DEMO, Row
-from rm3d_plugin.registry import DESCRIPTORS
 
 PAPER, DEFAULT = 'RM3D as in the paper', 'RM3D'
 AS_PAPER = {'strategy': 'paper'}
 RADIUS = ('FPFH', 'SHOT')  # descriptors that take AdaptedPFH's radius as it stands in a config
-NO_FEATURES = ('External',)  # registered, but no descriptor of its own
 LEAF_BUDGETS: dict[Task, str] = {'sem': '0p2pct', 'ins': '0p2pct', 'votenet': '1pct'}  # every method has these leaves
 
 
@@ -79,9 +78,8 @@ def descriptor_rows(config: str, options: Mapping[str, Any], test: Any = None) -
 
 
 def descriptor_names() -> list[str]:
-    """Registered descriptors, those of the paper in its order; what joins the registry joins here."""
-    DESCRIPTORS.import_from_location()
-    known = [name for name in DESCRIPTORS.module_dict if name not in NO_FEATURES]
+    """Descriptors that work at once, those of the paper in its order; what joins the registry joins here."""
+    known = compared_descriptors()
     first = [name for name in paper_table('table_inseg') if name in known]
     return [*first, *(name for name in known if name not in first)]
 
