@@ -36,9 +36,9 @@ class ScenePreprocessor(BaseDataPreprocessor):
 
     In: ``inputs`` = dict of ``points``, a list of (n, D), and, with further views, ``views``: a list of dicts of
     ``points``, a list of (m, D), and ``point_ids``, a list of (m,): the row of its scene's points that each point of
-    the view is, -1 for none. Out: ``inputs`` = dict of ``points`` (N, D), ``batch_offsets`` (B + 1,) and ``views``,
-    a list of dicts of ``points``, ``batch_offsets`` and ``point_ids`` (rows of the joined ``points``). A view in which
-    no scene of the batch has a point is left out. Batches of mmdetection3d (``Pack3DDetInputs``) are such batches, and
+    the view is, or -1. Out: ``inputs`` = dict of ``points`` (N, D), ``batch_offsets`` (B + 1,) and ``views``, a list of
+    dicts of ``points``, ``batch_offsets`` and ``point_ids`` (rows of the joined ``points``, or -1). A view in which no
+    scene of the batch has a point is left out. Batches of mmdetection3d (``Pack3DDetInputs``) are such batches, and
     their samples are left as they are.
     """
 
@@ -82,6 +82,6 @@ def _joined_view(view: dict[str, list[Tensor]], offsets: Tensor, name: str) -> d
                 f'{name}.point_ids: expected rows of {size} points, or -1, got {int(ids.min())} to {int(ids.max())}'
             )
     points, batch_offsets = join_scenes(view['points'])
-    shifted = zip(view['point_ids'], offsets[:-1], strict=True)
-    point_ids = torch.cat([ids + first * (ids >= 0) for ids, first in shifted])
+    firsts = zip(view['point_ids'], offsets[:-1], strict=True)
+    point_ids = torch.cat([torch.where(ids < 0, ids, ids + first) for ids, first in firsts])
     return {'points': points, 'batch_offsets': batch_offsets, 'point_ids': point_ids}

@@ -5,6 +5,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / 'configs'
 LEAVES = sorted([*CONFIGS.glob('*.py'), *CONFIGS.glob('baselines/*.py')])
+DESCRIPTORS = sorted(CONFIGS.glob('descriptors/*.py'))
 SEGMENTATION = [path for path in LEAVES if '_sem_' in path.stem or '_ins_' in path.stem]
 DETECTION = [path for path in LEAVES if path not in SEGMENTATION]
 

@@ -3,6 +3,7 @@
 from typing import Any, Literal, get_args
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -24,11 +25,10 @@ class PointContrast(LossTerm):
     Args:
         in_channels: Features of the backbone.
         voxel_size: Metres.
-        kind: 'info_nce', or 'hardest': the nearest of ``candidates`` negatives alone, in both directions.
+        kind: 'info_nce', or 'hardest': the nearest negative alone, in both directions.
         channels: Of the projection that is compared; it is dropped afterwards.
         pairs: Most common points of a batch.
         temperature: Of 'info_nce'; the released script has 0.4, its code 0.07.
-        candidates: Of 'hardest'; 256 a scene in the released code.
     """
 
     needs = ('features',)
@@ -41,13 +41,12 @@ class PointContrast(LossTerm):
         channels: int = 32,
         pairs: int = 4096,
         temperature: float = 0.4,
-        candidates: int = 256,
     ) -> None:
         super().__init__()
         if kind not in get_args(Kind):
             raise ValueError(f'PointContrast.kind: expected one of {", ".join(get_args(Kind))}, got {kind!r}')
         self.project = nn.Linear(in_channels, channels)
-        self.kind, self.pairs, self.temperature, self.candidates = kind, pairs, temperature, candidates
+        self.kind, self.pairs, self.temperature = kind, pairs, temperature
         self.near = NEAR * voxel_size
 
     def forward(self, batch: Batch, outputs: Encoded, labels: Any) -> dict[str, Tensor]:
@@ -57,13 +56,11 @@ class PointContrast(LossTerm):
         for view in batch.views:
             found = match_views(outputs.features, batch.xyz, batch.batch_offsets, view, self.pairs)
             if len(found.xyz):
-                terms.append(self._compare(found).mean())
+                terms.append(self._compare(found))
         return {'loss_contrast': torch.stack(terms).sum() / max(len(terms) - 1, 1)}
 
-    def _compare(self, found: Matches) -> Float[Tensor, ' matches']:
+    def _compare(self, found: Matches) -> Float[Tensor, '']:
         first, second, matching = self.project(found.first), self.project(found.second), found.distances() < self.near
         if self.kind == 'info_nce':
-            return contrastive_loss(first, second, second, self.temperature, matching)
-        some = slice(0, self.candidates)  # the rows come in random order
-        there = hardest_contrastive_loss(first, second, second[some], matching[:, some])
-        return 0.5 * (there + hardest_contrastive_loss(second, first, first[some], matching[:, some]))
+            return contrastive_loss(first, second, second, self.temperature, matching).mean()
+        return hardest_contrastive_loss(F.normalize(first, dim=1), F.normalize(second, dim=1), ~matching)

@@ -16,8 +16,8 @@ KNOWN_INSTANCES = {  # where whole scenes are annotated, offsets are learnt
 }
 
 
-class Part(NamedTuple):
-    """Rows of one budget.
+class Setting(NamedTuple):
+    """What the rows of one budget share.
 
     Attributes:
         table: Key in the tables of published gains, before the budget.
@@ -52,52 +52,55 @@ class Part(NamedTuple):
         return f'{prefix}_{self.task}_{self.data}_{LEAVES.get((self.task, self.data), USUAL)}'
 
 
-def part_rows(part: Part, train: tuple[str, ...] = DEMO) -> tuple[Row, ...]:
+def setting_rows(setting: Setting, train: tuple[str, ...] = DEMO) -> tuple[Row, ...]:
     """The labels alone, every method that has the task, RM3D as in the paper, RM3D, and RM3D with what helps."""
-    weak = part.named(LABELLED_ONLY.row(part.task))
-    methods = [method for method in METHODS if part.task in method.options]
-    rows = [Row(weak, part.leaf('sup'), part.options(weak=True), train)]
-    rows += [_row(part, method.name, method.row(part.task), method.name, {}, train) for method in methods]
+    weak = setting.named(LABELLED_ONLY.row(setting.task))
+    methods = [method for method in METHODS if setting.task in method.options]
+    rows = [Row(weak, setting.leaf('sup'), setting.options(weak=True), train)]
+    rows += [_row(setting, method.name, method.row(setting.task), method.name, {}, train) for method in methods]
     for title, further in (('RM3D as in the paper', {'strategy': 'paper'}), ('RM3D', {})):
-        rows.append(_row(part, 'rm3d', title, 'rm3d', further, train))
+        rows.append(_row(setting, 'rm3d', title, 'rm3d', further, train))
     rows += [
-        _row(part, f'rm3d_{both.name}', both.row(part.task), f'rm3d_{both.name}', {}, train) for both in _both(part)
+        _row(setting, f'rm3d_{both.name}', both.row(setting.task), f'rm3d_{both.name}', {}, train)
+        for both in _both(setting)
     ]
     return tuple(rows)
 
 
-def _both(part: Part) -> list[Baseline]:
-    return [both for both in COMBINATIONS if part.task in both.options and part.data == 'scannet']
+def _both(setting: Setting) -> list[Baseline]:
+    return [both for both in COMBINATIONS if setting.task in both.options and setting.data == 'scannet']
 
 
-def _row(part: Part, method: str, title: str, prefix: str, further: Mapping[str, Any], train: tuple[str, ...]) -> Row:
-    options = {**part.options(weak=not prefix.startswith('rm3d')), **further}
+def _row(
+    setting: Setting, method: str, title: str, prefix: str, further: Mapping[str, Any], train: tuple[str, ...]
+) -> Row:
+    options = {**setting.options(weak=not prefix.startswith('rm3d')), **further}
     return Row(
-        part.named(title),
-        part.leaf(prefix),
+        setting.named(title),
+        setting.leaf(prefix),
         options,
         train,
-        against=part.named(LABELLED_ONLY.row(part.task)),
-        paper_gain=paper_gain(part.key, method),
-        published_gain=published_gain(part.key, method),
+        against=setting.named(LABELLED_ONLY.row(setting.task)),
+        paper_gain=paper_gain(setting.key, method),
+        published_gain=published_gain(setting.key, method),
     )
 
 
 def methods_table(
-    title: str, parts: Sequence[Part], scores: Mapping[str, str], full: bool = True, labels: bool = False
+    title: str, settings: Sequence[Setting], scores: Mapping[str, str], full: bool = True, labels: bool = False
 ) -> Table:
     """A table of all methods for some budgets.
 
     Args:
         title: One line.
-        parts: From the top; of one task and data set.
+        settings: From the top; of one task and data set.
         scores: Heading -> key of the run's final scores; gains are of the last.
         full: Whether full supervision stands below.
         labels: Tell what became of the labels.
     """
-    first = parts[0]
+    first = settings[0]
     train = () if first.data == 'oakland' else DEMO
-    rows = [row for part in parts for row in part_rows(part, train)]
+    rows = [row for setting in settings for row in setting_rows(setting, train)]
     whole = FULL_SUPERVISION.row(first.task) if full else None
     if whole is not None:
         rows.append(Row(whole, FULL_SUPERVISION.config(first.task, first.data, ''), train=train))
@@ -107,30 +110,30 @@ def methods_table(
 INDOOR, INDOOR_ONE_POINT = (
     methods_table(
         'Compared methods on synthetic rooms: mIoU, in percent',
-        [Part('indoor', 'sem', 'scannet', budget)],
+        [Setting('indoor', 'sem', 'scannet', budget)],
         {'mIoU': 'mIoU'},
     )
     for budget in ('0p2pct', 'onept')
 )
 OUTDOOR = methods_table(
     'Compared methods on synthetic streets: mIoU, in percent',
-    [Part('outdoor', 'sem', 'semantickitti', '0p2pct')],
+    [Setting('outdoor', 'sem', 'semantickitti', '0p2pct')],
     {'mIoU': 'mIoU'},
 )
 OAKLAND = methods_table(
     'Compared methods on Oakland: mIoU, in percent (real data: --cfg-options data_root=FOLDER)',
-    [Part('oakland', 'sem', 'oakland', '1pct')],
+    [Setting('oakland', 'sem', 'oakland', '1pct')],
     {'mIoU': 'mIoU'},
     full=False,
 )
 INSTANCES = methods_table(
     'Compared methods on synthetic rooms: instances, in percent',
-    [Part('instances', 'ins', 'scannet', '0p2pct')],
+    [Setting('instances', 'ins', 'scannet', '0p2pct')],
     {'mIoU': 'mIoU', 'AP': 'AP', 'AP25': 'AP25', 'AP50': 'AP50'},
 )
 DETECTION = methods_table(
     'Compared methods on synthetic streets: 3D AP (moderate, R40), IoU .5 for cars, .25 for pedestrians and cyclists',
-    [Part('detection', 'votenet', 'kitti', '1pct')],
+    [Setting('detection', 'votenet', 'kitti', '1pct')],
     {
         'Car': 'Car_3d_moderate_R40@0.50',
         'Cyclist': 'Cyclist_3d_moderate_R40@0.25',
@@ -140,6 +143,6 @@ DETECTION = methods_table(
 )
 SCENES = methods_table(
     'Compared methods on synthetic rooms, some of them annotated whole: instances, in percent',
-    [Part('scenes', 'ins', 'scannet', budget) for budget in ('scenes5pct', 'scenes20pct')],
+    [Setting('scenes', 'ins', 'scannet', budget) for budget in ('scenes5pct', 'scenes20pct')],
     {'mIoU': 'mIoU', 'AP': 'AP', 'AP25': 'AP25', 'AP50': 'AP50'},
 )

@@ -36,31 +36,3 @@ def contrastive_loss(
         apart = apart.masked_fill(excluded, -torch.inf)
     scores = torch.cat([alike, apart], dim=1) / temperature
     return torch.logsumexp(scores, dim=1) - scores[:, 0]
-
-
-def hardest_contrastive_loss(
-    anchors: Float[Tensor, 'anchors channels'],
-    positives: Float[Tensor, 'anchors channels'],
-    candidates: Float[Tensor, 'candidates channels'],
-    excluded: Bool[Tensor, 'anchors candidates'],
-    positive_margin: float = 0.1,
-    negative_margin: float = 1.4,
-) -> Float[Tensor, ' anchors']:
-    """``relu(|a - p|^2 - 0.1) + relu(1.4 - min_j |a - n_j|)^2``: the nearest candidate alone is a negative.
-
-    The positive term takes the square of the distance, the negative term squares its hinge, as PointContrast has it
-    (Xie et al., ECCV 2020).
-
-    Args:
-        anchors: Features; made unit vectors here, as the next two.
-        positives: Of each anchor.
-        candidates: Among which the negative is sought.
-        excluded: Candidates that match the anchor; an anchor of which all are excluded has no negative term.
-        positive_margin: Squared distance up to which a pair is alike enough.
-        negative_margin: Distance from which a negative is far enough.
-    """
-    anchors, positives, candidates = (F.normalize(rows.float(), dim=1) for rows in (anchors, positives, candidates))
-    alike = F.relu((anchors - positives).square().sum(dim=1) - positive_margin)
-    squares = (2.0 - 2.0 * anchors @ candidates.T).clamp_min(1e-12)  # of unit vectors; the root of 0 has no gradient
-    nearest = squares.masked_fill(excluded, torch.inf).amin(dim=1).sqrt()
-    return alike + F.relu(negative_margin - nearest).square()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from rm3d_plugin.models.losses import contrastive_loss, hardest_contrastive_loss
+from rm3d_plugin.models.losses import contrastive_loss
 
 RNG = np.random.default_rng(1)
 
@@ -22,16 +22,6 @@ def slow(anchors, positives, negatives, temperature, excluded):
         alike = math.exp(anchors[i] @ positives[i] / temperature)
         apart = sum(math.exp(anchors[i] @ n / temperature) for j, n in enumerate(negatives) if not excluded[i, j])
         losses.append(-math.log(alike / (alike + apart)))
-    return losses
-
-
-def slow_hardest(anchors, positives, candidates, excluded):
-    anchors, positives, candidates = map(unit, (anchors, positives, candidates))
-    losses = []
-    for i in range(len(anchors)):
-        far = [np.linalg.norm(anchors[i] - c) for j, c in enumerate(candidates) if not excluded[i, j]]
-        negative = max(1.4 - min(far), 0) ** 2 if far else 0.0
-        losses.append(max(((anchors[i] - positives[i]) ** 2).sum() - 0.1, 0) + negative)
     return losses
 
 
@@ -68,17 +58,3 @@ def test_no_negatives_no_loss():
     contrastive_loss(anchors, torch.ones(2, 3), torch.zeros(0, 3), 0.1).sum().backward()
     assert anchors.grad.abs().sum() == 0
     assert contrastive_loss(torch.ones(0, 3), torch.ones(0, 3), torch.ones(4, 3), 0.1).shape == (0,)
-
-
-def test_hardest_contrastive_loss():
-    anchors, positives, candidates, excluded = drawn()
-    excluded[0] = True  # nothing is left to push away
-    got = hardest_contrastive_loss(*tensors(anchors, positives, candidates), torch.tensor(excluded))
-    np.testing.assert_allclose(got, slow_hardest(anchors, positives, candidates, excluded), rtol=1e-4, atol=1e-5)
-
-
-def test_hardest_margins_by_hand():
-    """A pair at a right angle: |a - p|^2 = 2; the negative lies at the anchor itself."""
-    a, p = torch.tensor([[1.0, 0.0]]), torch.tensor([[0.0, 2.0]])
-    got = hardest_contrastive_loss(a, p, a, torch.tensor([[False]]))
-    assert got.item() == pytest.approx(2 - 0.1 + 1.4**2, abs=1e-4)
