@@ -91,5 +91,5 @@ def test_it_trains(name, hub, tmp_path):
         said = learnt(model, rooms, hub)
     assert LOSSES[name] <= set(said)
     assert all(np.isfinite(values).all() for values in said.values())
-    assert np.mean(said['loss_wsl'][-4:]) < 0.7 * np.mean(said['loss_wsl'][:4])
+    assert np.mean(said['loss_wsl'][-4:]) < 0.8 * np.mean(said['loss_wsl'][:4])
     assert all(len(said[late]) == EPOCHS for late in LATE & set(said))  # two rooms, half of the epochs
