@@ -2,7 +2,7 @@
 
 import pytest
 
-from rm3d_plugin.baselines import BASELINES, FULL_SUPERVISION, LABELLED_ONLY, METHODS
+from rm3d_plugin.baselines import BASELINES, COMBINATIONS, FULL_SUPERVISION, LABELLED_ONLY, METHODS
 from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.experiments.run_commands import config_path
 
@@ -36,6 +36,7 @@ def test_names():
         (FULL_SUPERVISION, 'ins', 'scannet', '0p2pct'),
         (FULL_SUPERVISION, 'votenet', 'kitti', '1pct'),
         *((each, task, *MEASURED[task]) for each in METHODS for task in each.options),
+        *((each, 'sem', 'scannet', '0p2pct') for each in COMBINATIONS),
     ],
 )
 def test_the_config_is_that_of_rm3d_with_the_options(tmp_path, baseline, task, data, budget, demo):

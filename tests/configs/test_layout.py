@@ -5,13 +5,13 @@ import ast
 import pytest
 from configs.leaves import CONFIGS, DESCRIPTORS, LEAVES
 
-from rm3d_plugin.baselines import BASELINES
+from rm3d_plugin.baselines import BASELINES, COMBINATIONS
 from rm3d_plugin.engine.config import load_config
 
 BASES = sorted((CONFIGS / '_base_').glob('*.py'))
 TOP_LEVEL = ('data_root', 'descriptor', 'oversegmenter', 'strategy', 'budget', 'rounds', 'sigma')
 # What every run shares stands on each of these pages, so that a leaf reads no more files; it is the same on all.
-METHODS = tuple({baseline.leaf.partition('{')[0] for baseline in BASELINES.values()})  # 'sup_', 'erda_', ...
+PREFIXES = {each.leaf.partition('{')[0] for each in (*BASELINES.values(), *COMBINATIONS)}  # 'sup_', 'rm3d_csc_', ...
 COMPLETE = ('indoor', 'outdoor', 'detection')
 SHARED = (
     'custom_imports default_scope seed threads num_workers accumulate cache_dir checkpoint_interval randomness env_cfg '
@@ -57,7 +57,7 @@ def test_a_leaf_tells_what_it_is_its_command_time_and_score(path):
 
 def test_names_lead_to_the_method_or_to_what_it_is_compared_with():
     for path in LEAVES:
-        assert path.stem.startswith(METHODS) == (path.parent.name == 'baselines')
+        assert path.stem.startswith(tuple(PREFIXES)) == (path.parent.name == 'baselines')
     assert len({path.stem for path in (*LEAVES, *DESCRIPTORS)}) == len(LEAVES) + len(DESCRIPTORS)
 
 
