@@ -10,7 +10,7 @@ from torch.nn.functional import normalize
 
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.point_model import LossConfigs, PointModel
-from rm3d_plugin.ops.sites import CHANNELS
+from rm3d_plugin.ops.site_histograms import WIDTH
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import LabelStatistics
 
@@ -46,7 +46,7 @@ class DescriptorNetwork(PointModel):
         self,
         backbone: dict[str, Any],
         channels: int = 32,
-        in_channels: int = CHANNELS,
+        in_channels: int = WIDTH,
         losses: LossConfigs = (),
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
