@@ -10,7 +10,7 @@ from torch.nn.functional import normalize
 
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.point_model import LossConfigs, PointModel
-from rm3d_plugin.ops.site_histograms import WIDTH
+from rm3d_plugin.ops.sites import CHANNELS
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import LabelStatistics
 
@@ -36,7 +36,7 @@ class DescriptorNetwork(PointModel):
     Args:
         backbone: Config of a backbone that knows how far it sees (``reach``).
         channels: Values of a descriptor.
-        in_channels: Inputs of a site.
+        in_channels: Inputs of a site, 40 with histograms.
         losses: Configs of loss terms that read ``features`` and the views.
         data_preprocessor: As for :class:`PointModel`.
         init_cfg: As in mmengine.
@@ -46,7 +46,7 @@ class DescriptorNetwork(PointModel):
         self,
         backbone: dict[str, Any],
         channels: int = 32,
-        in_channels: int = WIDTH,
+        in_channels: int = CHANNELS,
         losses: LossConfigs = (),
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,

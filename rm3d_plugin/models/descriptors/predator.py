@@ -13,7 +13,7 @@ from rm3d_plugin.models.backbones.layers import SparseFeatures
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.descriptors.overlap_attention import OverlapAttention
 from rm3d_plugin.models.point_model import LossConfigs, PointModel
-from rm3d_plugin.ops.site_histograms import WIDTH
+from rm3d_plugin.ops.sites import CHANNELS
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import LabelStatistics
 
@@ -64,7 +64,7 @@ class PredatorNetwork(PointModel):
         attention: Arguments of :class:`OverlapAttention` but ``in_channels``.
         block: Voxels; edge of the cubes, about that of the crops of training.
         margin: Voxels around a cube that are seen, too.
-        in_channels: Inputs of a site.
+        in_channels: Inputs of a site, 40 with histograms.
         losses: Configs of loss terms.
         data_preprocessor: As for :class:`PointModel`.
         init_cfg: As in mmengine.
@@ -77,7 +77,7 @@ class PredatorNetwork(PointModel):
         attention: dict[str, Any] | None = None,
         block: int = 64,
         margin: int = 16,
-        in_channels: int = WIDTH,
+        in_channels: int = CHANNELS,
         losses: LossConfigs = (),
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
