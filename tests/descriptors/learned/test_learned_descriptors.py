@@ -15,9 +15,9 @@ from rm3d_plugin.user_error import ConfigError
 
 BACKBONE = {'type': 'SparseUNet', 'voxel_size': 1.0, 'widths': [8, 12], 'blocks': 1, 'map_cache': 0}
 MODEL = {
-    'Contrastive': {'type': 'DescriptorNetwork', 'backbone': BACKBONE, 'channels': 8},
-    'Predator': {'type': 'PredatorNetwork', 'backbone': BACKBONE, 'channels': 8, 'attention': {'channels': 8}}
-    | {'block': 24, 'margin': 6},
+    'Contrastive': {'type': 'DescriptorNetwork', 'backbone': BACKBONE, 'channels': 8, 'in_channels': 40},
+    'Predator': {'type': 'PredatorNetwork', 'backbone': BACKBONE, 'channels': 8, 'in_channels': 40}
+    | {'attention': {'channels': 8}, 'block': 24, 'margin': 6},
 }
 NAMES = sorted(MODEL)
 
