@@ -2,6 +2,7 @@
 
 from rm3d_plugin.descriptors.learned.base import LearnedDescriptor
 from rm3d_plugin.descriptors.learned.contrastive import Contrastive
+from rm3d_plugin.descriptors.learned.point_sift import PointSIFT
 from rm3d_plugin.descriptors.learned.predator import Predator
 
-__all__ = ['Contrastive', 'LearnedDescriptor', 'Predator']
+__all__ = ['Contrastive', 'LearnedDescriptor', 'PointSIFT', 'Predator']

@@ -1,3 +1,4 @@
 """Backbones: per-point features from raw points."""
 
+from rm3d_plugin.models.backbones.point_sift import PointSIFTBackbone as PointSIFTBackbone
 from rm3d_plugin.models.backbones.sparse_unet import SparseUNet as SparseUNet
