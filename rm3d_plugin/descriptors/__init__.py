@@ -5,7 +5,13 @@ from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, cosine_simil
 from rm3d_plugin.descriptors.external import External
 from rm3d_plugin.descriptors.fpfh import FPFH, fpfh
 from rm3d_plugin.descriptors.hks import HKS, heat_kernel_signature
-from rm3d_plugin.descriptors.learned import Contrastive, LearnedDescriptor, PointSIFT, Predator
+from rm3d_plugin.descriptors.learned import (
+    Contrastive,
+    LearnedDescriptor,
+    PointSIFT,
+    Predator,
+    SupervisedSuperpoint,
+)
 from rm3d_plugin.descriptors.pfh import PFH, original_pfh
 from rm3d_plugin.descriptors.shot import SHOT, shot
 from rm3d_plugin.descriptors.sihks import SIHKS, scale_invariant_heat_kernel_signature
@@ -33,6 +39,7 @@ __all__ = [
     'Predator',
     'SpectralDescriptor',
     'SuperpointGraph',
+    'SupervisedSuperpoint',
     'VisualSimilarity',
     'adapted_pfh',
     'cloud_normals',

@@ -14,6 +14,7 @@ from rm3d_plugin.datasets.transforms.indoor import (
     crop_rows,
     elastic,
 )
+from rm3d_plugin.datasets.transforms.object_sites import ObjectSites, point_objects
 from rm3d_plugin.datasets.transforms.outdoor import ClassCrop, HeightAboveGround, class_center, with_heights
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
@@ -38,6 +39,7 @@ __all__ = [
     'LabelledObjectPaste',
     'HeightAboveGround',
     'LimitPoints',
+    'ObjectSites',
     'PackScene',
     'PairSettings',
     'PointNoise',
@@ -59,6 +61,7 @@ __all__ = [
     'noisy_points',
     'pack_scene',
     'place_columns',
+    'point_objects',
     'rotate_scale',
     'select_points',
     'shape_columns',

@@ -8,6 +8,7 @@ from rm3d_plugin.models.losses.aug_loss import JSAugLoss, MSEAugLoss, js_aug_los
 from rm3d_plugin.models.losses.circle import balanced_bce, circle_loss
 from rm3d_plugin.models.losses.contrastive import hardest_contrastive_loss, pair_loss, triplet_loss
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
+from rm3d_plugin.models.losses.graph_contrast import GraphContrast, border_weights, graph_contrast_loss
 from rm3d_plugin.models.losses.instance_dice import InstanceDice
 from rm3d_plugin.models.losses.instance_offsets import InstanceOffsets
 from rm3d_plugin.models.losses.loss_term import LossTerm
@@ -25,6 +26,7 @@ from rm3d_plugin.models.losses.weak_supervision import WeakSupervision
 
 __all__ = [
     'DiceLoss',
+    'GraphContrast',
     'InstanceDice',
     'InstanceOffsets',
     'JSAugLoss',
@@ -43,9 +45,11 @@ __all__ = [
     'VoteNetLoss',
     'WeakSupervision',
     'balanced_bce',
+    'border_weights',
     'circle_loss',
     'class_weights',
     'dice_loss',
+    'graph_contrast_loss',
     'hardest_contrastive_loss',
     'js_aug_loss',
     'js_divergence',
