@@ -25,13 +25,14 @@ default_hooks = dict(
 log_level = 'INFO'
 visualizer = None
 
-# --- Data: the training scans of rooms, streets or both, without labels
-data = 'rooms'  # 'streets'; 'both'
+# --- Data: the training scans of rooms, streets or both, or your own, without labels
+data = 'rooms'  # 'streets'; 'both'; 'files': all scans of data_root
 data_root = 'data/scannet'
 streets_root = '${data_root}'  # of 'both'
 scenes = dict(
     rooms=['${room_scans}'],
     streets=[dict(type='SemanticKittiDataset', data_root='${data_root}', split='train')],
+    files=[dict(type='FilesDataset', data_root='${data_root}')],
     both=['${room_scans}', dict(type='SemanticKittiDataset', data_root='${streets_root}', split='train')],
 )
 room_scans = dict(type='ScanNetDataset', data_root='${data_root}', split='train')
@@ -85,8 +86,8 @@ custom_hooks = [
 demo = dict(
     data_root='data/descriptor_rooms',
     demo_data=dict(scenes='scannet_rooms', num_train=20, num_val=4, seed=0),
-    crop_points=12000,
-    sigma=16,
+    crop_points=8000,
+    sigma=20,
     batch_size=1,
     learning_rate=3e-3,
 )

@@ -79,7 +79,7 @@ def crop_pair(
     return CropPair(rows, _moved(points[rows], settings, rng), view)
 
 
-def overlap_of(first: Int[np.ndarray, ' rows'], second: Int[np.ndarray, ' rows']) -> float:
+def overlap_of(first: Int[np.ndarray, ' first'], second: Int[np.ndarray, ' second']) -> float:
     """Share of the smaller crop's points that the other has, too."""
     return len(np.intersect1d(first, second, assume_unique=True)) / max(min(len(first), len(second)), 1)
 

@@ -1,8 +1,6 @@
 """Trained networks of descriptors as files: checkpoints of ``rm3d train``, and small archives without pickle."""
 
 import json
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,8 +9,7 @@ import torch
 
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.storage.checkpoint import load_weights, read_checkpoint
-from rm3d_plugin.storage.files import MALFORMED, write_npz
-from rm3d_plugin.storage.npy import read_archive
+from rm3d_plugin.storage.files import MALFORMED, DamagedFileError, read_npz, write_npz
 from rm3d_plugin.storage.safe_parts import check_own_parts, check_sizes
 from rm3d_plugin.user_error import ConfigError, UserError
 
@@ -60,9 +57,11 @@ def read_weights(path: str | Path) -> TrainedWeights:
         raise ConfigError(f'{path}: no such checkpoint; {_MAKE}')
     try:
         found = _read_npz(path) if path.suffix == '.npz' else _read_pth(path)
+    except DamagedFileError as error:
+        raise ConfigError(f'{error}; {_MAKE}') from error
     except UserError:
         raise
-    except (*MALFORMED, zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+    except (*MALFORMED, OSError) as error:
         raise ConfigError(f'{path}: holds no trained descriptor ({type(error).__name__}: {error}); {_MAKE}') from error
     check_own_parts(found.model, f'{path}: model')
     check_sizes(found.model, f'{path}: model', max(sum(value.size for value in found.arrays.values()), _SMALL))
@@ -87,7 +86,7 @@ def build_network(weights: TrainedWeights, path: str | Path) -> torch.nn.Module:
 
 
 def _read_npz(path: Path) -> TrainedWeights:
-    arrays = read_archive(path)
+    arrays = read_npz(path)
     model = json.loads(arrays.pop(_CONFIG).tobytes().decode())
     _check_finite(arrays, path)
     return TrainedWeights(_checked(model), arrays)

@@ -31,6 +31,8 @@ def row_distances(
 
 def nearest_apart(gaps: Float[Tensor, 'first second'], apart: Bool[Tensor, 'first second']) -> Float[Tensor, ' first']:
     """The least distance of each row to one that is apart; infinite where there is none."""
+    if not gaps.numel():
+        return gaps.new_full((len(gaps),), torch.inf)
     return gaps.masked_fill(~apart, torch.inf).amin(1)
 
 
@@ -40,9 +42,10 @@ def triplet_loss(
     apart: Bool[Tensor, 'pairs pairs'],
     margin: float = 0.5,  # METHOD 3: rho of L_TriC
 ) -> Float[Tensor, '']:
-    """L_TriC: mean of max(|a - p| - |a - n| + margin, 0), n the nearest positive of another pair that lies apart.
+    """L_TriC: mean of max(|a - p| - |a - n| + margin, 0) over the positives of all pairs that lie apart as n.
 
-    The paper leaves open which negatives are drawn; most are far already and teach nothing.
+    The paper leaves open which negatives are drawn. The nearest alone let all descriptors become one; here every
+    negative counts, and the mean is over those that cost something, as most soon cost nothing (Hermans et al. 2017).
 
     Args:
         anchors: Descriptors of places.
@@ -58,9 +61,9 @@ def triplet_loss(
     >>> round(triplet_loss(a, a + torch.tensor([0.0, 0.3]), ~torch.eye(2, dtype=torch.bool), 1.0).item(), 3)
     0.256
     """
-    negative = nearest_apart(distances(anchors, positives), apart)
-    each = (row_distances(anchors, positives) - negative + margin).clamp_min(0.0)
-    return _mean_where(each, negative.isfinite())
+    gaps = distances(anchors, positives)
+    costs = (row_distances(anchors, positives)[:, None] - gaps + margin).clamp_min(0.0) * apart
+    return costs.sum() / (costs > 0).sum().clamp_min(1)
 
 
 def pair_loss(

@@ -12,6 +12,7 @@ from rm3d_plugin.models.consistency import View, common_rows
 from rm3d_plugin.models.losses.contrastive import (
     distances,
     hardest_contrastive_loss,
+    nearest_apart,
     pair_loss,
     place_distances,
     triplet_loss,
@@ -111,5 +112,4 @@ def matched_share(
 ) -> Float[Tensor, '']:
     """Share of the anchors to which the own positive is nearer than that of every place apart."""
     gaps = distances(anchors, positives)
-    nearest = gaps.masked_fill(~apart, torch.inf).amin(1) if len(gaps) else gaps.diagonal()
-    return (gaps.diagonal() < nearest).float().sum() / max(len(gaps), 1)
+    return (gaps.diagonal() < nearest_apart(gaps, apart)).float().sum() / max(len(gaps), 1)
