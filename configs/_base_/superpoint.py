@@ -12,7 +12,7 @@ label_refreshes = 1  # the labels stay
 train_pipeline = [
     dict(type='RandomCrop', max_points='${crop_points}', shape='column'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[1.0, 1.0]),
-    dict(type='PointNoise', sigma=0.003),
+    dict(type='PointNoise', jitter=0.003),
     dict(type='ObjectSites'),
     dict(type='PackScene'),
 ]
@@ -23,7 +23,19 @@ model = dict(
     channels=4,
     losses=[dict(type='GraphContrast')],
 )
-custom_hooks = ['${seed_hook}', '${label_hook}', '${safe_checkpoint}', '${run_record}', '${weights_hook}']
+custom_hooks = [
+    dict(type='EpochSeedHook'),
+    dict(
+        type='RegionMergeHook',
+        interval='${sigma}',
+        rounds='${label_refreshes}',
+        dataloader='${label_dataloader}',
+        label_maker='${label_maker}',
+    ),
+    dict(type='SafeCheckpointHook'),
+    dict(type='RunRecordHook'),
+    dict(type='DescriptorWeightsHook'),
+]
 rounds = 1
 sigma = 50  # epochs; METHOD 3
 learning_rate = 1e-2
@@ -33,3 +45,10 @@ val_cfg = None
 test_dataloader = None
 test_evaluator = None
 test_cfg = None
+demo = dict(
+    demo_data=dict(scenes='scannet_rooms', num_train=20, num_val=4, seed=0),
+    data_root='data/descriptor_rooms',
+    crop_points=20000,
+    rounds=1,
+    sigma=10,
+)

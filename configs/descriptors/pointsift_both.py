@@ -5,10 +5,6 @@
 _base_ = '../_base_/pointsift.py'
 data = 'both'
 streets_root = 'data/semantickitti'
-demo = dict(
-    streets_root='data/descriptor_streets',
-    more_demo_data=[
-        dict(root='data/descriptor_streets', scenes='semantickitti_streets', num_train=20, num_val=4, seed=0)
-    ],
-    sigma=8,
-)
+streets = dict(root='data/descriptor_streets', scenes='semantickitti_streets', num_train=20, num_val=4, seed=0)
+demo = dict(streets_root='data/descriptor_streets', more_demo_data=[streets], sigma=10)
+del streets

@@ -8,9 +8,7 @@ from torch import Tensor
 from rm3d_plugin.ops.octree import Octree
 
 
-def nearest_within(
-    xyz: Float[np.ndarray, 'points 3'], radius: float, count: int
-) -> Int[np.ndarray, 'points count']:
+def nearest_within(xyz: Float[np.ndarray, 'points 3'], radius: float, count: int) -> Int[np.ndarray, 'points count']:
     """The so many nearest points of each, itself first; itself again where fewer lie within the radius.
 
     Args:

@@ -9,6 +9,8 @@ from rm3d_plugin.ops.segment import number_pairs, segment_majority
 from rm3d_plugin.ops.sites import voxel_sites
 from rm3d_plugin.registry import TRANSFORMS
 
+KEPT = ('scene_id', 'index', 'num_points', 'rng', 'dataset')  # of an item; the rest is about points that are gone
+
 
 def point_objects(
     semantic: Int[np.ndarray, ' points'], instance: Int[np.ndarray, ' points']
@@ -42,7 +44,9 @@ class ObjectSites:
         sites = voxel_sites(results['points'][:, :3], self.voxel_size)
         objects = point_objects(results['semantic'], results['instance'])
         first = np.unique(sites.rows, return_index=True)[1]
-        kept = {name: results[name] for name in ('scene_id', 'index', 'num_points', 'rng', 'dataset') if name in results}
+        kept = {
+            name: results[name] for name in ('scene_id', 'index', 'num_points', 'rng', 'dataset') if name in results
+        }
         return kept | {
             'points': np.concatenate([sites.places, sites.inputs], axis=1),
             'point_index': results['point_index'][first],

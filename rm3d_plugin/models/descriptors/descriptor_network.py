@@ -43,7 +43,8 @@ class DescriptorNetwork(PointModel):
     """Backbone, a linear layer, unit length.
 
     It learns from pairs of crops (``CropPairs``, then ``VoxelUnits``): the losses compare ``outputs.features`` with the
-    features of the view. Or it learns from objects (``ObjectSites``). Places are in voxels, so the backbone has ``voxel_size=1``.
+    features of the view. Or it learns from objects (``ObjectSites``). Places are in voxels, so the backbone has
+    ``voxel_size=1``.
 
     Args:
         backbone: Config of a backbone that knows how far it sees (``reach``).
