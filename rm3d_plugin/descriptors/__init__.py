@@ -17,6 +17,7 @@ from rm3d_plugin.descriptors.shot import SHOT, shot
 from rm3d_plugin.descriptors.sihks import SIHKS, scale_invariant_heat_kernel_signature
 from rm3d_plugin.descriptors.spectral import SpectralDescriptor
 from rm3d_plugin.descriptors.superpoint_graph import SuperpointGraph
+from rm3d_plugin.descriptors.turned_scene import TurnedScene
 from rm3d_plugin.descriptors.vccs import VCCS
 from rm3d_plugin.descriptors.visual_similarity import LightFields, VisualSimilarity, light_fields
 from rm3d_plugin.descriptors.wks import WKS, wave_kernel_signature
@@ -40,6 +41,7 @@ __all__ = [
     'SpectralDescriptor',
     'SuperpointGraph',
     'SupervisedSuperpoint',
+    'TurnedScene',
     'VisualSimilarity',
     'adapted_pfh',
     'cloud_normals',

@@ -1,6 +1,7 @@
 """Every table by its name; a file holds a family of them."""
 
 from rm3d_plugin.experiments.spec import MeasuredTable, Table
+from rm3d_plugin.experiments.tables.descriptors_instance import TABLE_2, instance_table
 from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
@@ -26,6 +27,8 @@ TABLES: dict[str, Table | MeasuredTable] = {
     'descriptors-overseg': MeasuredTable(
         'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table
     ),
+    'descriptors-instance': TABLE_2,
+    'descriptors-instance-0.2': instance_table(['0p2pct']),
     'descriptors-matching': MeasuredTable(
         'The same place found in two scans, and objects told apart, by descriptor, as scanned and turned',
         matching_table,

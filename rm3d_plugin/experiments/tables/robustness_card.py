@@ -17,10 +17,10 @@ from rm3d_plugin.experiments.scenes import (
     Collection,
     described_surface,
     load_collections,
-    turn_about,
     turned,
 )
 from rm3d_plugin.experiments.spec import Request
+from rm3d_plugin.ops.turns import turn_about
 from rm3d_plugin.structures import Descriptors, PointCloud
 from rm3d_plugin.visualization.tables import LinePanel, draw_lines
 
