@@ -21,6 +21,7 @@ from rm3d_plugin.structures import PointCloud
 
 NORMAL_NEIGHBORS = 20
 OUTDOOR_VOXEL = 0.15  # m, of the voxel downsampling outdoors
+SEED = 1  # of synthetic scenes; the demos that learned descriptors are trained on have 0
 NEAR = 20.0  # m; farther off the rings of a lidar are farther apart than any of the radii below
 REAL_DATA = 'RM3D_REAL_DATA'  # environment variable; folder with oakland/ and semantickitti/
 
@@ -148,7 +149,9 @@ def _read_scene(dataset: SegmentationDataset, index: int, points: int | None, ne
 def _rooms(data_root: Path, amount: Amount) -> Collection:
     from rm3d_plugin.datasets.synthetic import make_scannet_rooms  # virtual sensors take seconds to import
 
-    root = make_scannet_rooms(data_root / f'rooms_{amount.scenes}', num_train=1, num_val=amount.scenes, progress=False)
+    root = make_scannet_rooms(
+        data_root / f'rooms_{amount.scenes}_seed{SEED}', 1, amount.scenes, seed=SEED, progress=False
+    )
     val = ScanNetDataset(root, 'val')
     tuning = read_scenes(ScanNetDataset(root, 'train'), [0], amount.points)
     found = read_scenes(val, range(amount.scenes), amount.points)
@@ -159,7 +162,7 @@ def _streets(data_root: Path, amount: Amount) -> Collection:
     from rm3d_plugin.datasets.synthetic import make_semantickitti_streets
 
     root = make_semantickitti_streets(
-        data_root / f'streets_{amount.scenes}', num_train=1, num_val=amount.scenes, progress=False
+        data_root / f'streets_{amount.scenes}_seed{SEED}', 1, amount.scenes, seed=SEED, progress=False
     )
     val = SemanticKittiDataset(root, 'val', voxel_downsample=OUTDOOR_VOXEL)
     train = SemanticKittiDataset(root, 'train', sequences=(0,), voxel_downsample=OUTDOOR_VOXEL)
