@@ -49,7 +49,7 @@ class DescriptorNetwork(PointModel):
     Args:
         backbone: Config of a backbone that knows how far it sees (``reach``).
         channels: Values of a descriptor.
-        in_channels: Inputs of a site.
+        in_channels: Inputs of a site, 40 with histograms.
         losses: Configs of loss terms that read ``features`` and the views.
         data_preprocessor: As for :class:`PointModel`.
         init_cfg: As in mmengine.
