@@ -5,6 +5,7 @@ num_pairs = 1024  # places of a batch that are compared
 model = dict(
     type='DescriptorNetwork',
     backbone=dict(type='PointSIFTBackbone', channels='${channels}', radii='${radii}'),
+    in_channels=40,  # of a site with histograms
     channels='${channels}',
     losses=[dict(type='PairContrast', contrast='triplet', num_pairs='${num_pairs}', negative_distance=16.0)],
 )

@@ -21,6 +21,7 @@ model = dict(
     type='DescriptorNetwork',
     backbone=dict(type='LocalCloudEmbedder'),
     channels=4,
+    in_channels=7,  # what a site tells of its surroundings
     losses=[dict(type='GraphContrast')],
 )
 custom_hooks = [
