@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from reference.rooms import make_room
 from rm3d_plugin.descriptors import FPFH, SuperpointGraph
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.evaluation.functional.boundary import boundary_scores
-from rm3d_plugin.experiments import MeasuredTable, Request, make_table, scenes
+from rm3d_plugin.experiments import Request, make_table, scenes
 from rm3d_plugin.experiments.poses import POSES
 from rm3d_plugin.experiments.render import to_markdown
 from rm3d_plugin.experiments.run_commands import option_texts, parse_options
@@ -21,12 +22,12 @@ from rm3d_plugin.experiments.scenes import (
     load_collections,
     turned,
 )
-from rm3d_plugin.experiments.tables import TABLES, descriptors_overseg, robustness_card
+from rm3d_plugin.experiments.tables import descriptors_overseg
 from rm3d_plugin.experiments.tables.descriptors_instance import CONFIG, instance_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import (
     Method,
     OversegScores,
-    all_methods,
+    asked_methods,
     fill_overseg,
     measure_method,
 )
@@ -101,11 +102,16 @@ def test_scores_are_those_of_the_tuned_parts(rooms):
 
 
 def test_rows_follow_from_the_registered_descriptors(monkeypatch):
-    titles = [method.title for method in all_methods()]
+    everything = Request(Path('out'))
+    titles = [method.title for method in asked_methods(everything)]
     assert titles[:4] == ['VisualSimilarity', 'HKS', 'SIHKS', 'FPFH'] and 'AdaptedPFH' in titles
     monkeypatch.delitem(DESCRIPTORS.module_dict, 'FPFH')
-    fewer = [method.title for method in all_methods()]
+    fewer = [method.title for method in asked_methods(everything)]
     assert set(titles) - set(fewer) == {'FPFH', 'FPFH, VCCS divides', 'normals, VCCS divides'}
+    some = dataclasses.replace(everything, descriptors=['VCCS', 'SHOT'])
+    assert [method.title for method in asked_methods(some)] == ['SHOT', 'VCCS']
+    with pytest.raises(ConfigError, match='descriptors: expected some of VisualSimilarity, .*; got Moon'):
+        asked_methods(dataclasses.replace(everything, descriptors=['Moon']))
 
 
 def test_table_as_printed():
@@ -129,12 +135,9 @@ def test_table_as_printed():
 
 def test_files_of_both_tables(rooms, tmp_path, monkeypatch):
     monkeypatch.setitem(scenes.COLLECTIONS, 'toy', lambda root, amount: rooms)
-    request = Request(tmp_path, data=['toy'], log=lambda line: None)
-    for name, measure in (
-        ('descriptors-overseg', lambda request: descriptors_overseg.descriptor_table(request, [SPG])),
-        ('robustness-card', lambda request: robustness_card.robustness_table(request, ['SuperpointGraph'])),
-    ):
-        monkeypatch.setitem(TABLES, name, MeasuredTable(name, measure))
+    monkeypatch.setattr(descriptors_overseg, 'DIVIDED', ())
+    request = Request(tmp_path, data=['toy'], descriptors=['SuperpointGraph'], log=lambda line: None)
+    for name in ('descriptors-overseg', 'robustness-card'):
         text = to_markdown(make_table(name, request))
         assert (tmp_path / f'{name}.md').read_text() == text
         assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
