@@ -49,7 +49,7 @@ test_cfg = None
 demo = dict(
     demo_data=dict(scenes='scannet_rooms', num_train=20, num_val=4, seed=0),
     data_root='data/descriptor_rooms',
-    crop_points=20000,
+    crop_points=8000,
     rounds=1,
     sigma=10,
 )
