@@ -5,6 +5,7 @@ from rm3d_plugin.experiments.tables import methods
 from rm3d_plugin.experiments.tables.ablations import ABLATIONS
 from rm3d_plugin.experiments.tables.budgets import BUDGET_TABLES
 from rm3d_plugin.experiments.tables.clicks_to_quality import clicks_table
+from rm3d_plugin.experiments.tables.descriptors_instance import TABLE_2, instance_table
 from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
 from rm3d_plugin.experiments.tables.figures import figures_table
@@ -44,6 +45,8 @@ TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     'descriptors-overseg': MeasuredTable(
         'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table
     ),
+    'descriptors-instance': TABLE_2,
+    'descriptors-instance-0.2': instance_table(['0p2pct']),
     'descriptors-matching': MeasuredTable(
         'The same place found in two scans, and objects told apart, by descriptor, as scanned and turned',
         matching_table,

@@ -16,6 +16,7 @@ from rm3d_plugin.models.losses.divergences import (
     divergence,
     soft_cross_entropy,
 )
+from rm3d_plugin.models.losses.graph_contrast import GraphContrast, border_weights, graph_contrast_loss
 from rm3d_plugin.models.losses.instance_dice import InstanceDice
 from rm3d_plugin.models.losses.instance_offsets import InstanceOffsets
 from rm3d_plugin.models.losses.loss_term import LossTerm
@@ -38,6 +39,7 @@ __all__ = [
     'Convention',
     'DiceLoss',
     'DivergenceLoss',
+    'GraphContrast',
     'InstanceDice',
     'InstanceOffsets',
     'JSAugLoss',
@@ -58,11 +60,13 @@ __all__ = [
     'VoteNetLoss',
     'WeakSupervision',
     'balanced_bce',
+    'border_weights',
     'circle_loss',
     'class_weights',
     'contrastive_loss',
     'dice_loss',
     'divergence',
+    'graph_contrast_loss',
     'hardest_contrastive_loss',
     'js_aug_loss',
     'js_divergence',
