@@ -13,9 +13,9 @@ from mmengine.registry import init_default_scope
 
 from rm3d_plugin.engine.checkpoint import load_weights, read_checkpoint
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.engine.safe_parts import check_own_parts, check_sizes
 from rm3d_plugin.registry import MODELS, SCOPE, TRANSFORMS
 from rm3d_plugin.storage.files import MALFORMED
+from rm3d_plugin.storage.safe_parts import check_own_parts, check_sizes
 from rm3d_plugin.user_error import UserError
 
 _SMALL = 1 << 20  # a size that is no danger, however small the network
