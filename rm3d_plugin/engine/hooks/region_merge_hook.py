@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import forget_checkpoints
+from rm3d_plugin.engine.mirrored_view import agreed_prediction, mirrored_batch
 from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
 from rm3d_plugin.engine.scene_prediction import scene_prediction
 from rm3d_plugin.labeling.label_maker import LabelMaker
@@ -34,6 +35,8 @@ class RegionMergeHook(Hook):
         warm_up_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
             has seen more, which counts where few labels are annotated or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
+        mirror: Predict every scene a second time, mirrored; see
+            :func:`~rm3d_plugin.engine.mirrored_view.agreed_prediction`. Prediction takes twice as long.
 
     Attributes:
         seconds: Wall clock, spent on labels by this process.
@@ -49,6 +52,7 @@ class RegionMergeHook(Hook):
         dataloader: Any,
         rounds: int = 8,
         warm_up_rounds: int = 1,
+        mirror: bool = False,
     ) -> None:
         for name, value in (('interval', interval), ('rounds', rounds), ('warm_up_rounds', warm_up_rounds)):
             if int(value) < 1:
@@ -57,6 +61,7 @@ class RegionMergeHook(Hook):
         self.rounds = rounds
         self.warm_up_rounds = warm_up_rounds
         self.dataloader = dataloader
+        self.mirror = mirror
         self.seconds = 0.0
         self.times: RoundTimes
         self._predicting = Seconds()
@@ -163,8 +168,14 @@ class RegionMergeHook(Hook):
             watch = Stopwatch()
             with torch.no_grad():
                 samples = model.test_step(batch)
+                again = model.test_step(mirrored_batch(batch)) if self.mirror else None
             self._predicting = self._predicting.plus(watch.read())
-            yield from map(scene_prediction, samples)
+            yield from map(scene_prediction, samples) if again is None else map(_agreed, samples, again)
+
+
+def _agreed(first: Any, second: Any) -> tuple[str, PointPrediction]:
+    scene, seen = scene_prediction(first)
+    return scene, agreed_prediction(seen, scene_prediction(second)[1])
 
 
 def _check_project(runner: Runner) -> None:

@@ -5,6 +5,7 @@ tensors and know no model. A :class:`LossTerm` says what of a batch they compare
 """
 
 from rm3d_plugin.models.losses.aug_loss import JSAugLoss, MSEAugLoss, js_aug_loss, js_divergence, mse_aug_loss
+from rm3d_plugin.models.losses.box_overlap import BoxOverlap, overlap_loss
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
 from rm3d_plugin.models.losses.instance_dice import InstanceDice
 from rm3d_plugin.models.losses.instance_offsets import InstanceOffsets
@@ -20,6 +21,7 @@ from rm3d_plugin.models.losses.votenet_loss import VoteNetLoss
 from rm3d_plugin.models.losses.weak_supervision import WeakSupervision
 
 __all__ = [
+    'BoxOverlap',
     'DiceLoss',
     'InstanceDice',
     'InstanceOffsets',
@@ -42,6 +44,7 @@ __all__ = [
     'js_divergence',
     'mse_aug_loss',
     'offset_loss',
+    'overlap_loss',
     'point_cross_entropy',
     'reduce_loss',
     'scene_class_loss',

@@ -33,7 +33,8 @@ from rm3d_plugin.pseudo_labels.detection.objects import (
     find_objects,
 )
 from rm3d_plugin.pseudo_labels.detection.parts import PartLimits, split_mixed
-from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules
+from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules, TeacherRules
+from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, Candidates, teacher_candidates, teacher_objects
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
 
 BACKGROUND_CONFIDENCE = 0.9  # of what geometry alone calls background
@@ -48,11 +49,27 @@ class ObjectKnowledge:
         mean_sizes: (C, 3) usual sizes, metres; NaN for a class without an annotated box, which then gets no pseudo box.
         height: (N,) metres above the ground of each point, or None.
         limits: (C,) score that a pseudo box of each class needs; None: any.
+        box_limits: What the scores of predicted boxes mean, where these become pseudo boxes; None: no box does.
     """
 
     mean_sizes: Float[np.ndarray, 'classes 3']
     height: Float[np.ndarray, ' points'] | None = None
     limits: Float[np.ndarray, ' classes'] | None = None
+    box_limits: BoxLimits | None = None
+
+
+class _Background(NamedTuple):
+    """Points without an annotated class that are background.
+
+    Attributes:
+        surely: Whatever the network says: on the ground, of regions that reach too high, or just outside an annotated
+            box.
+        large: Of regions that are too large: unless the network finds whole objects in them, such as a row of parked
+            cars.
+    """
+
+    surely: Bool[np.ndarray, ' points']
+    large: Bool[np.ndarray, ' points']
 
 
 def refresh_detection(
@@ -62,8 +79,9 @@ def refresh_detection(
 
     Annotated boxes label their points exactly and propagate nowhere. Elsewhere a group of regions takes the class that
     the network gives it with confidence, and every group of an object class becomes a pseudo box, if it is plausible
-    and no annotated or better box is in its place. Regions that no object can be are background from the first round
-    on; only one that is merely too large may still turn out to hold objects.
+    and no annotated or better box is in its place. With ``rules.teacher`` the boxes that the network predicts become
+    pseudo boxes instead, anew in every round. Regions that no object can be are background from the first round on;
+    only one that is merely too large may still turn out to hold objects.
 
     Args:
         scene: Geometry, annotated boxes, prediction (background last) and the labels of the last round.
@@ -80,6 +98,27 @@ def refresh_detection(
     grouped = _group(scene, round, annotation)
     empty = _background_points(scene, annotation, knowledge, round.rules.objects)
 
+    if round.rules.teacher is None:
+        objects, labels = _objects_of_groups(scene, round, knowledge, annotation, grouped, empty)
+    else:
+        objects, labels = _objects_of_teacher(scene, round.rules.teacher, knowledge, annotation, empty)
+    labels, objects = _fill_boxes(scene.xyz, labels, objects)
+    labels = labels.overlay(annotation.known, annotation.semantic, 1.0)
+    finished = _with_boxes(labels, annotation, objects, scene.annotated)
+    stats = refresh_stats(finished, grouped) | objects.counts
+    return RefreshResult(finished, grouped.with_record(), stats, objects.candidates, objects.steps)
+
+
+def _objects_of_groups(
+    scene: SceneInputs,
+    round: RoundContext[DetectionRules],
+    knowledge: ObjectKnowledge,
+    annotation: PointAnnotation,
+    grouped: Grouped,
+    empty: _Background,
+) -> tuple[Objects, LabelAssembly]:
+    """Objects among the groups, and the labels of points; those of the last round stay where they are supported."""
+    background = len(knowledge.mean_sizes)
     supported = supported_points(scene.previous, grouped, round.rules.merge)
     if supported is not None and scene.previous is not None:
         supported &= ~(empty.large & (scene.previous.semantic == background))  # asked again below, in every round
@@ -92,12 +131,47 @@ def refresh_detection(
     )
     labels = labels_of_groups(grouped).overlay(objects.rejected, UNLABELLED, 0.0)
     labels = labels.overlay(empty.surely | (empty.large & (objects.point_box < 0)), background, BACKGROUND_CONFIDENCE)
-    labels = keep_previous(labels, scene.previous, supported)
-    labels, objects = _fill_boxes(scene.xyz, labels, objects)
-    labels = labels.overlay(annotation.known, annotation.semantic, 1.0)
-    finished = _with_boxes(labels, annotation, objects, scene.annotated)
-    stats = refresh_stats(finished, grouped) | objects.counts
-    return RefreshResult(finished, grouped.with_record(), stats, objects.candidates)
+    return objects, keep_previous(labels, scene.previous, supported)
+
+
+def find_candidates(scene: SceneInputs, rules: DetectionRules, knowledge: ObjectKnowledge) -> Candidates:
+    """Predicted boxes of a scene that may be objects; what scores mean is told once those of all scenes are known.
+
+    Raises:
+        ValueError: There are no rules for predicted boxes.
+    """
+    if rules.teacher is None:
+        raise ValueError('find_candidates: DetectionRules.teacher is None; give it rules')
+    annotation = points_of_boxes(scene.xyz, scene.annotated, len(knowledge.mean_sizes))
+    return _candidates(scene, rules.teacher, knowledge, _surely_background(scene, annotation, knowledge, rules.objects))
+
+
+def _candidates(
+    scene: SceneInputs, rules: TeacherRules, knowledge: ObjectKnowledge, background: Bool[np.ndarray, ' points']
+) -> Candidates:
+    predicted = None if scene.prediction is None else scene.prediction.boxes
+    boxes = Boxes3D.empty() if predicted is None else predicted
+    known, sizes = scene.annotated.boxes, knowledge.mean_sizes
+    return teacher_candidates(scene.xyz, background, boxes, known, sizes, rules)
+
+
+def _objects_of_teacher(
+    scene: SceneInputs,
+    rules: TeacherRules,
+    knowledge: ObjectKnowledge,
+    annotation: PointAnnotation,
+    empty: _Background,
+) -> tuple[Objects, LabelAssembly]:
+    """Objects among the predicted boxes; background by geometry, and outside the boxes where the network is sure."""
+    found, background = _candidates(scene, rules, knowledge, empty.surely), len(knowledge.mean_sizes)
+    limits = knowledge.box_limits or BoxLimits(*np.full((3, background), np.inf))
+    objects = teacher_objects(scene.xyz, found, limits, background)
+    free = (objects.point_box < 0) & ~objects.rejected & (annotation.seeds < 0)
+    empty_points = (empty.surely & (objects.point_box < 0)) | (empty.large & free)
+    if rules.background is not None and scene.probabilities is not None:
+        empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= rules.background)
+    nothing = LabelAssembly(np.full(len(scene.xyz), UNLABELLED), np.zeros(len(scene.xyz), dtype=np.float32))
+    return objects, nothing.overlay(empty_points, background, BACKGROUND_CONFIDENCE)
 
 
 def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:
@@ -132,34 +206,27 @@ def _cut_out_parts(grouped: Grouped, scene: SceneInputs, round: RoundContext[Det
     return grouped._replace(groups=groups, points=points)
 
 
-class _Background(NamedTuple):
-    """Points without an annotated class that are background.
-
-    Attributes:
-        surely: Whatever the network says: on the ground, of regions that reach too high, or just outside an annotated
-            box.
-        large: Of regions that are too large: unless the network finds whole objects in them, such as a row of parked
-            cars.
-    """
-
-    surely: Bool[np.ndarray, ' points']
-    large: Bool[np.ndarray, ' points']
-
-
 def _background_points(
     scene: SceneInputs, annotation: PointAnnotation, knowledge: ObjectKnowledge, rules: ObjectRules
 ) -> _Background:
-    regions, sizes, height = scene.geometry.regions, knowledge.mean_sizes, knowledge.height
+    regions, sizes = scene.geometry.regions, knowledge.mean_sizes
     large = geometric_background(robust_extents(scene.xyz, regions), None, sizes, rules.background_ratio)
     of_large = segment_values(large, regions.labels, False).astype(bool)
-    surely = np.zeros(len(scene.xyz), dtype=bool)
-    if height is not None:
-        flat = np.zeros((len(regions), 3))
-        tall = geometric_background(flat, region_tops(height, regions), sizes, rules.background_ratio)
-        ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
-        surely = segment_values(tall, regions.labels, False).astype(bool) | ground
-    free = annotation.seeds < 0
-    return _Background((surely & free) | annotation.shell, of_large & free)
+    return _Background(_surely_background(scene, annotation, knowledge, rules), of_large & (annotation.seeds < 0))
+
+
+def _surely_background(
+    scene: SceneInputs, annotation: PointAnnotation, knowledge: ObjectKnowledge, rules: ObjectRules
+) -> Bool[np.ndarray, ' points']:
+    """See :class:`_Background`."""
+    regions, height = scene.geometry.regions, knowledge.height
+    if height is None:
+        return annotation.shell
+    flat = np.zeros((len(regions), 3))
+    tall = geometric_background(flat, region_tops(height, regions), knowledge.mean_sizes, rules.background_ratio)
+    ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
+    surely = segment_values(tall, regions.labels, False).astype(bool) | ground
+    return np.asarray((surely & (annotation.seeds < 0)) | annotation.shell)
 
 
 def _object_context(scene: SceneInputs, knowledge: ObjectKnowledge, rules: ObjectRules) -> ObjectContext:

@@ -76,6 +76,34 @@ AS_PRINTED = ObjectRules(box='axis_aligned', part_share=2.0)
 
 
 @dataclass(frozen=True)
+class TeacherRules:
+    """When a predicted box becomes a pseudo box.
+
+    Attributes:
+        floor: Score that every pseudo box needs; larger: fewer and purer.
+        size_ratio: A box whose length, width or height is more than this times the class's usual one, or less than its
+            inverse, is not of the class.
+        min_points: Fewest points in a box that are not surely background.
+        max_iou: Overlap from above that two boxes may have.
+        background: Probability from which the network makes a point background that lies in no candidate's box. None:
+            geometry alone makes background.
+    """
+
+    floor: float = 0.3
+    size_ratio: float = 1.5
+    min_points: int = 5
+    max_iou: float = 0.1
+    background: float | None = 0.95
+
+    def __post_init__(self) -> None:
+        check_field(self, 'floor', 0 <= self.floor <= 1, 'a score in [0, 1]')
+        check_field(self, 'size_ratio', self.size_ratio > 1, 'above 1')
+        check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
+        check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
+        check_field(self, 'background', self.background is None or 0 < self.background <= 1, 'a probability, or None')
+
+
+@dataclass(frozen=True)
 class DetectionRules:
     """How labels of points and boxes are made.
 
@@ -83,11 +111,13 @@ class DetectionRules:
         merge: How regions merge (the paper).
         objects: When a group is an object.
         self_training: How a round's new labels are limited; None: they are not.
+        teacher: When a box that the network predicts becomes a pseudo box. None: groups of regions do, by ``objects``.
     """
 
     merge: MergeRules
     objects: ObjectRules = ObjectRules()
     self_training: SelfTrainingRules | None = None
+    teacher: TeacherRules | None = None
 
 
 def detection_rules(
@@ -95,6 +125,7 @@ def detection_rules(
     merge: Mapping[str, Any] | None = None,
     objects: Mapping[str, Any] | None = None,
     self_training: Mapping[str, Any] | None = None,
+    teacher: Mapping[str, Any] | None = None,
 ) -> DetectionRules:
     """The rules of a run from the fields that its config gives.
 
@@ -105,6 +136,7 @@ def detection_rules(
         objects: Fields of :class:`ObjectRules`. Its ``gamma`` takes the place of that of
             ``merge``, which is then left out.
         self_training: Fields of :class:`SelfTrainingRules`, or None.
+        teacher: Fields of :class:`TeacherRules`, or None.
 
     Raises:
         ValueError: A value is not allowed; the message names class and field.
@@ -114,4 +146,5 @@ def detection_rules(
         return DetectionRules(merging, AS_PRINTED)
     rules = ObjectRules(**(objects or {}))
     merging = with_gamma(merging, merge, rules.gamma, 'ObjectRules.gamma')
-    return DetectionRules(merging, rules, optional_rules(SelfTrainingRules, self_training))
+    limited = optional_rules(SelfTrainingRules, self_training)
+    return DetectionRules(merging, rules, limited, optional_rules(TeacherRules, teacher))
