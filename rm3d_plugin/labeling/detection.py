@@ -17,11 +17,12 @@ from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import (
     AnnotatedLabels,
-    DetectionRules,
     ObjectKnowledge,
     PointPrediction,
+    RefreshResult,
     RoundContext,
     SceneInputs,
+    TeacherRules,
     detection_rules,
     refresh_detection,
 )
@@ -29,7 +30,7 @@ from rm3d_plugin.pseudo_labels.common.strategy import Strategy
 from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes
 from rm3d_plugin.pseudo_labels.detection.objects import score_limits
 from rm3d_plugin.pseudo_labels.detection.refresh import find_candidates
-from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, expected_from_whole, score_limits_of
+from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, box_limits, expected_from_whole, joined_shown
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, LabelStatistics, PointCloud, Regions
 
@@ -130,37 +131,44 @@ class DetectionLabelMaker(LabelMaker):
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions, find objects, complete the boxes."""
-        limits = (self._limits, self._box_limits) if number else (None, None)
-        result = refresh_detection(
-            self._inputs(number, scene_id, prediction), self._round(number), self._knowledge(scene_id, *limits)
-        )
+        result = self._result(number, scene_id, prediction)
         steps = {f'{STEP}{name}': lost for name, lost in result.steps.items()}
         return SceneLabels(result.labels, result.merge.ledger.to_arrays() | steps)
 
     def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
         """The first scenes of each process tell which scores are good in each class, where that is asked."""
-        fractions = self.rules.objects.top_fraction
+        fractions, classes = self.rules.objects.top_fraction, len(self.mean_sizes)
         self._limits = self._box_limits = None
         if fractions is None and self.rules.teacher is None:
             return predictions
         rest = iter(predictions)
         first = list(islice(rest, RANKED_SCENES))
-        found = [self._candidates(number, scene, seen) for scene, seen in first]
-        everywhere = _joined([boxes for part in all_gather_object(found) for boxes in part])
         if self.rules.teacher is not None:
-            share = len(self.index_of) / max(sum(all_gather_object(len(first))), 1)
-            self._box_limits = score_limits_of(
-                everywhere, len(self.mean_sizes), self.rules.teacher.floor, share, self._expected()
-            )
+            self._box_limits = self._limits_of_boxes(number, first, self.rules.teacher)
         elif fractions is not None:
-            self._limits = score_limits(everywhere, len(self.mean_sizes), fractions, number)
+            found = [self._result(number, scene, seen).candidates for scene, seen in first]
+            everywhere = [boxes for part in all_gather_object(found) for boxes in part]
+            self._limits = score_limits(_joined(everywhere), classes, fractions, number)
         return chain(first, rest)
 
-    def _candidates(self, number: int, scene_id: str, prediction: PointPrediction) -> Boxes3D:
-        scene, knowledge = self._inputs(number, scene_id, prediction), self._knowledge(scene_id)
-        if self.rules.teacher is not None:
-            return find_candidates(scene, self.rules, knowledge).boxes
-        return refresh_detection(scene, self._round(number), knowledge).candidates
+    def _limits_of_boxes(
+        self, number: int, first: Sequence[tuple[str, PointPrediction]], rules: TeacherRules
+    ) -> BoxLimits:
+        """What the scores of predicted boxes mean, from some scenes of every process."""
+        own = [
+            find_candidates(self._inputs(number, scene, seen), self.rules, self._knowledge(scene))
+            for scene, seen in first
+        ]
+        found = [scene for part in all_gather_object(own) for scene in part]
+        boxes, shown = _joined([scene.boxes for scene in found]), joined_shown([scene.shown for scene in found])
+        ratio = len(self.index_of) / max(len(found), 1)
+        return box_limits(boxes, shown, len(self.mean_sizes), rules, ratio, self._expected())
+
+    def _result(self, number: int, scene_id: str, prediction: PointPrediction | None) -> RefreshResult:
+        scene = self._inputs(number, scene_id, prediction)
+        return refresh_detection(
+            scene, RoundContext(number, self.rules, self.class_counts), self._knowledge(scene_id, number)
+        )
 
     def _expected(self) -> Float[np.ndarray, ' classes'] | None:
         """Objects of each class in the scenes that are not labelled completely, from those that are."""
@@ -172,14 +180,10 @@ class DetectionLabelMaker(LabelMaker):
         previous = self.store.read(scene_id, number - 1) if number else None
         return SceneInputs(self.scenes.get(scene_id), self.annotated(scene_id), prediction, previous)
 
-    def _round(self, number: int) -> RoundContext[DetectionRules]:
-        return RoundContext(number, self.rules, self.class_counts)
-
-    def _knowledge(
-        self, scene_id: str, limits: Float[np.ndarray, ' classes'] | None = None, boxes: BoxLimits | None = None
-    ) -> ObjectKnowledge:
+    def _knowledge(self, scene_id: str, number: int = 0) -> ObjectKnowledge:
         height = segment_ground(self.scenes.get(scene_id).cloud.xyz).height
-        return ObjectKnowledge(self.mean_sizes, height, limits, boxes)
+        limits = (self._limits, self._box_limits) if number else (None, None)
+        return ObjectKnowledge(self.mean_sizes, height, *limits)
 
     def check(self, number: int, log: Log) -> None:
         """Nothing is kept aside."""

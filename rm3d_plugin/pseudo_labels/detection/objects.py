@@ -268,7 +268,7 @@ def _candidates(context: ObjectContext, group: int, members: np.ndarray, label: 
     sure = members[(classes == label) | (classes < 0)]
     sure = sure if len(sure) else members
     prior, limit = context.mean_sizes[label], context.rules.max_excess
-    whole = _Candidate((group,), sure, label, score, _fit(context, sure, label))
+    whole = _Candidate((group,), sure, label, score, fit_object(context, sure, label))
     if is_plausible(whole.fit, prior, limit):
         return [whole]
     if context.votes.centers is None:
@@ -278,7 +278,7 @@ def _candidates(context: ObjectContext, group: int, members: np.ndarray, label: 
     for part in range(int(parts.max(initial=-1)) + 1):
         chosen = sure[parts == part]
         if len(chosen) >= context.rules.min_points:
-            out.append(_Candidate((group,), chosen, label, score, _fit(context, chosen, label)))
+            out.append(_Candidate((group,), chosen, label, score, fit_object(context, chosen, label)))
     return [candidate for candidate in out if is_plausible(candidate.fit, prior, limit)]
 
 
@@ -310,7 +310,8 @@ def split_by_votes(centers: Float[np.ndarray, 'points 3'], radius: float) -> Int
     return part
 
 
-def _fit(context: ObjectContext, members: np.ndarray, label: int) -> BoxFit:
+def fit_object(context: ObjectContext, members: np.ndarray, label: int) -> BoxFit:
+    """The box of these points (rows of the scene) if they are one object of a class, as the rules have it."""
     points = context.xyz[members]
     if context.rules.box != 'completed':
         box = tight_box(points, context.rules.box == 'tight', context.sensor)
@@ -343,7 +344,7 @@ def _union(context: ObjectContext, a: _Candidate, b: _Candidate) -> _Candidate |
     if rotated_iou_bev(a.fit.box[None], b.fit.box[None])[0, 0] <= context.rules.max_iou:
         return None
     members = np.sort(np.concatenate([a.members, b.members]))
-    fit = _fit(context, members, a.label)
+    fit = fit_object(context, members, a.label)
     if not is_plausible(fit, context.mean_sizes[a.label], context.rules.max_excess):
         return None
     score = (a.score * len(a.members) + b.score * len(b.members)) / len(members)

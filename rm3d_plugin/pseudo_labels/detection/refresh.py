@@ -31,10 +31,17 @@ from rm3d_plugin.pseudo_labels.detection.objects import (
     PointGroups,
     PointVotes,
     find_objects,
+    fit_object,
 )
 from rm3d_plugin.pseudo_labels.detection.parts import PartLimits, split_mixed
-from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules, TeacherRules
-from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, Candidates, teacher_candidates, teacher_objects
+from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules
+from rm3d_plugin.pseudo_labels.detection.teacher import (
+    BoxLimits,
+    Candidates,
+    ask_annotated,
+    teacher_candidates,
+    teacher_objects,
+)
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
 
 BACKGROUND_CONFIDENCE = 0.9  # of what geometry alone calls background
@@ -101,7 +108,7 @@ def refresh_detection(
     if round.rules.teacher is None:
         objects, labels = _objects_of_groups(scene, round, knowledge, annotation, grouped, empty)
     else:
-        objects, labels = _objects_of_teacher(scene, round.rules.teacher, knowledge, annotation, empty)
+        objects, labels = _objects_of_teacher(scene, round.rules, knowledge, annotation, empty)
     labels, objects = _fill_boxes(scene.xyz, labels, objects)
     labels = labels.overlay(annotation.known, annotation.semantic, 1.0)
     finished = _with_boxes(labels, annotation, objects, scene.annotated)
@@ -143,35 +150,58 @@ def find_candidates(scene: SceneInputs, rules: DetectionRules, knowledge: Object
     if rules.teacher is None:
         raise ValueError('find_candidates: DetectionRules.teacher is None; give it rules')
     annotation = points_of_boxes(scene.xyz, scene.annotated, len(knowledge.mean_sizes))
-    return _candidates(scene, rules.teacher, knowledge, _surely_background(scene, annotation, knowledge, rules.objects))
+    return _candidates(
+        scene, rules, knowledge, annotation, _surely_background(scene, annotation, knowledge, rules.objects)
+    )
 
 
 def _candidates(
-    scene: SceneInputs, rules: TeacherRules, knowledge: ObjectKnowledge, background: Bool[np.ndarray, ' points']
+    scene: SceneInputs,
+    rules: DetectionRules,
+    knowledge: ObjectKnowledge,
+    annotation: PointAnnotation,
+    background: Bool[np.ndarray, ' points'],
 ) -> Candidates:
+    assert rules.teacher is not None
     predicted = None if scene.prediction is None else scene.prediction.boxes
     boxes = Boxes3D.empty() if predicted is None else predicted
     known, sizes = scene.annotated.boxes, knowledge.mean_sizes
-    return teacher_candidates(scene.xyz, background, boxes, known, sizes, rules)
+    shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
+    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher)
 
 
 def _objects_of_teacher(
     scene: SceneInputs,
-    rules: TeacherRules,
+    rules: DetectionRules,
     knowledge: ObjectKnowledge,
     annotation: PointAnnotation,
     empty: _Background,
 ) -> tuple[Objects, LabelAssembly]:
     """Objects among the predicted boxes; background by geometry, and outside the boxes where the network is sure."""
-    found, background = _candidates(scene, rules, knowledge, empty.surely), len(knowledge.mean_sizes)
+    assert rules.teacher is not None
+    background, sure = len(knowledge.mean_sizes), rules.teacher.background
+    found = _candidates(scene, rules, knowledge, annotation, empty.surely)
     limits = knowledge.box_limits or BoxLimits(*np.full((3, background), np.inf))
     objects = teacher_objects(scene.xyz, found, limits, background)
+    if rules.teacher.refit:
+        objects = _refitted(objects, _object_context(scene, knowledge, rules.objects), empty.surely)
     free = (objects.point_box < 0) & ~objects.rejected & (annotation.seeds < 0)
     empty_points = (empty.surely & (objects.point_box < 0)) | (empty.large & free)
-    if rules.background is not None and scene.probabilities is not None:
-        empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= rules.background)
+    if sure is not None and scene.probabilities is not None:
+        empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= sure)
     nothing = LabelAssembly(np.full(len(scene.xyz), UNLABELLED), np.zeros(len(scene.xyz), dtype=np.float32))
     return objects, nothing.overlay(empty_points, background, BACKGROUND_CONFIDENCE)
+
+
+def _refitted(objects: Objects, context: ObjectContext, background: Bool[np.ndarray, ' points']) -> Objects:
+    """The class's usual box fitted to the points of each box, where the object shows enough of them."""
+    tensor = objects.boxes.tensor.copy()
+    for row, label in enumerate(objects.boxes.labels.tolist()):
+        members = np.flatnonzero((objects.point_box == row) & ~background)
+        if len(members) >= context.rules.min_points:
+            tensor[row] = fit_object(context, members, label).box
+    boxes = Boxes3D(tensor, objects.boxes.labels, objects.boxes.scores)
+    return objects._replace(boxes=boxes, point_box=points_in_boxes(context.xyz, tensor))
 
 
 def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:

@@ -77,30 +77,38 @@ AS_PRINTED = ObjectRules(box='axis_aligned', part_share=2.0)
 
 @dataclass(frozen=True)
 class TeacherRules:
-    """When a predicted box becomes a pseudo box.
+    """When a box that the network predicts becomes a pseudo box.
 
     Attributes:
-        floor: Score that every pseudo box needs; larger: fewer and purer.
+        share: Share of the score that annotated objects of the class get (their median) from which a box is accepted;
+            larger: fewer and purer.
+        recognised: Probability that the points of annotated objects of a class must have for it (the median over the
+            objects): a network that does not know the objects that it was shown names no others. 0: never asked.
         size_ratio: A box whose length, width or height is more than this times the class's usual one, or less than its
             inverse, is not of the class.
         min_points: Fewest points in a box that are not surely background.
         max_iou: Overlap from above that two boxes may have.
+        refit: The class's usual box is fitted to the points of an accepted box, and takes its place.
         background: Probability from which the network makes a point background that lies in no candidate's box. None:
             geometry alone makes background.
     """
 
-    floor: float = 0.3
+    share: float = 0.5
+    recognised: float = 0.4
     size_ratio: float = 1.5
     min_points: int = 5
     max_iou: float = 0.1
+    refit: bool = False
     background: float | None = 0.95
 
     def __post_init__(self) -> None:
-        check_field(self, 'floor', 0 <= self.floor <= 1, 'a score in [0, 1]')
+        check_field(self, 'share', 0 < self.share <= 1, 'a share in (0, 1]')
+        check_field(self, 'recognised', 0 <= self.recognised <= 1, 'a probability')
         check_field(self, 'size_ratio', self.size_ratio > 1, 'above 1')
         check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
         check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
-        check_field(self, 'background', self.background is None or 0 < self.background <= 1, 'a probability, or None')
+        sure = self.background
+        check_field(self, 'background', sure is None or 0 < sure <= 1, 'a probability in (0, 1], or None')
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Pseudo boxes from the boxes that the network predicts: what speaks against each, and which are good enough.
 
-Labelled boxes are few, so a predicted box has to pass what is known of its class (size), of the scene (ground,
-annotated boxes, other boxes), and of the network itself: the score is held against two limits that follow from the
-scores of all scenes (HINTED, CVPR 2024), and not more pass than there seem to be objects. Nothing is kept from round to
-round, so a label may fall again.
+A predicted box has to pass what is known of its class (size), of the scene (ground, annotated boxes, other boxes), and
+of the network: what a good score is, the annotated objects tell, class by class, since the network was shown them; and
+not more boxes pass than there seem to be objects. Between the two limits of a class nothing is said of a place (as in
+HINTED, CVPR 2024). Nothing is kept from round to round, so a label may fall again.
 """
 
 from collections.abc import Sequence
@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.ops.boxes import points_in_boxes, rotated_iou_bev
 from rm3d_plugin.pseudo_labels.detection.boxes import suppress
 from rm3d_plugin.pseudo_labels.detection.objects import Objects
 from rm3d_plugin.pseudo_labels.detection.rules import TeacherRules
 from rm3d_plugin.structures import Boxes3D
 
 IGNORED_MARGIN = 0.2  # m around a doubtful box in which nothing is said
+FOUND_IOU = 0.25  # overlap from above from which a predicted box is that of an annotated object
 
 
 class BoxLimits(NamedTuple):
@@ -35,22 +36,39 @@ class BoxLimits(NamedTuple):
     expected: Float[np.ndarray, ' classes']
 
 
+class Shown(NamedTuple):
+    """What the network says of annotated objects.
+
+    Attributes:
+        labels: (K,) int64 their classes.
+        scores: (K,) of the best predicted box of the class in their place, 0 = none.
+        probs: (K,) mean probability of their points for the class.
+    """
+
+    labels: Int[np.ndarray, ' objects']
+    scores: Float[np.ndarray, ' objects']
+    probs: Float[np.ndarray, ' objects']
+
+
 class Candidates(NamedTuple):
     """Predicted boxes of a scene that may be objects.
 
     Attributes:
         boxes: With scores, none in the place of another or of an annotated one.
         steps: As :class:`~rm3d_plugin.pseudo_labels.detection.objects.Objects` has them.
+        shown: What the network says of the scene's annotated objects.
     """
 
     boxes: Boxes3D
     steps: dict[str, Int[np.ndarray, ' classes']]
+    shown: Shown
 
 
 def teacher_candidates(
     xyz: Float[np.ndarray, 'points 3'],
     background: Bool[np.ndarray, ' points'],
     predicted: Boxes3D,
+    shown: Shown,
     annotated: Boxes3D,
     mean_sizes: Float[np.ndarray, 'classes 3'],
     rules: TeacherRules,
@@ -61,6 +79,7 @@ def teacher_candidates(
         xyz: Points, metres.
         background: Points that are background whatever the network says.
         predicted: Boxes with scores.
+        shown: From :func:`ask_annotated`; handed on.
         annotated: Annotated boxes; these always win.
         mean_sizes: Usual sizes, metres; NaN: the class gets no box.
         rules: Thresholds.
@@ -77,7 +96,7 @@ def teacher_candidates(
     boxes = left(boxes, held >= rules.min_points, 'points')
     assert boxes.scores is not None
     alone = suppress(boxes, boxes.scores, annotated, rules.max_iou) == np.arange(len(boxes))
-    return Candidates(left(boxes, alone, 'collision'), steps)
+    return Candidates(left(boxes, alone, 'collision'), steps, shown)
 
 
 def has_usual_size(
@@ -89,52 +108,93 @@ def has_usual_size(
         return np.asarray((apart <= np.log(ratio)).all(axis=1))
 
 
-def two_groups(scores: Float[np.ndarray, ' scores']) -> tuple[float, float]:
-    """Means of the lower and the upper part where scores fall into two: the split of least squares (k-means, k = 2).
+def ask_annotated(
+    annotated: Boxes3D,
+    instance: Int[np.ndarray, ' points'],
+    predicted: Boxes3D,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+) -> Shown:
+    """What the network says of the annotated objects of a scene.
 
-    >>> two_groups(np.array([0.1, 0.2, 0.8, 0.9]))
-    (0.15, 0.85)
+    Args:
+        annotated: Their boxes.
+        instance: Row of ``annotated`` of each point, -1 = none.
+        predicted: Boxes with scores.
+        probabilities: Softmax of the points, NaN where the network saw none; None: it saw none at all.
+    """
+    labels = annotated.labels
+    assert predicted.scores is not None
+    if not len(annotated):
+        return Shown(labels, np.zeros(0), np.zeros(0))
+    overlap = rotated_iou_bev(annotated.tensor, predicted.tensor)
+    same = (labels[:, None] == predicted.labels[None]) & (overlap >= FOUND_IOU)
+    scores = np.where(same, predicted.scores[None], 0.0).max(axis=1, initial=0.0)
+    probs = np.zeros(len(labels))
+    for row, label in enumerate(labels.tolist()):
+        own = np.zeros(0) if probabilities is None else probabilities[instance == row, label]
+        probs[row] = own[np.isfinite(own)].mean() if np.isfinite(own).any() else 0.0
+    return Shown(labels, scores, probs)
+
+
+def joined_shown(parts: Sequence[Shown]) -> Shown:
+    """Those of all scenes."""
+    empty = Shown(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
+    return Shown(*(np.concatenate(column) for column in zip(empty, *parts, strict=True)))
+
+
+def lower_mean(scores: Float[np.ndarray, ' scores']) -> float:
+    """Mean of the lower part where scores fall into two: the split of least squares (k-means, k = 2); 0 for no two.
+
+    >>> lower_mean(np.array([0.1, 0.2, 0.8, 0.9]))
+    0.15
     """
     ordered = np.sort(scores)
     if len(ordered) < 2:
-        return 0.0, float(ordered.sum())
+        return 0.0
     below = np.arange(1, len(ordered))
     sums = np.cumsum(ordered)[:-1]
     low, high = sums / below, (ordered.sum() - sums) / (len(ordered) - below)
     spread = below * (len(ordered) - below) * (high - low) ** 2
-    best = int(spread.argmax())
-    return float(low[best]), float(high[best])
+    return float(round(low[int(spread.argmax())], 12))
 
 
-def score_limits_of(
+def box_limits(
     found: Boxes3D,
+    shown: Shown,
     num_classes: int,
-    floor: float,
+    rules: TeacherRules,
     scenes_ratio: float = 1.0,
     whole_scenes: Float[np.ndarray, ' classes'] | None = None,
 ) -> BoxLimits:
     """Limits of each class from the scores of the candidates of all scenes.
 
-    The scores of a class fall into a lower and an upper part. From the middle of the two on a candidate is accepted, up
-    to the mean of the lower part it may be background. As many objects are expected as the scores of the candidates
-    over that mean add up to, where nobody labelled whole scenes; no more than that are accepted, the best first.
+    A box counts as much of an object as its score is of the median score of annotated objects, 1 at most; as many
+    objects are expected as the candidates above the lower part of the scores add up to, where nobody labelled whole
+    scenes. The best are accepted, no more than are expected, from a share of that median on.
 
     Args:
         found: Candidates with scores.
+        shown: What the network says of annotated objects.
         num_classes: C.
-        floor: See :class:`TeacherRules`.
+        rules: ``share`` and ``recognised`` are asked.
         scenes_ratio: All scenes, over those that the candidates are of.
         whole_scenes: (C,) objects that completely labelled scenes let expect in the others, or None.
+
+    Returns:
+        A class without annotated objects, or whose annotated objects the network does not recognise, accepts nothing
+        (infinity).
     """
     assert found.scores is not None
-    accept, ignore, expected = (np.ones(num_classes), np.zeros(num_classes), np.zeros(num_classes))
+    accept, ignore, expected = np.full(num_classes, np.inf), np.zeros(num_classes), np.zeros(num_classes)
     for c in range(num_classes):
-        scores = np.sort(found.scores[found.labels == c])[::-1]
-        low, high = two_groups(scores)
-        ignore[c] = min(low, floor)
-        expected[c] = scenes_ratio * scores[scores > ignore[c]].sum() if whole_scenes is None else whole_scenes[c]
+        scores, own = np.sort(found.scores[found.labels == c])[::-1], shown.labels == c
+        usual = float(np.median(shown.scores[own])) if own.any() else 0.0
+        ignore[c] = min(lower_mean(scores), rules.share * usual)
+        worth = np.minimum(scores[scores > ignore[c]] / max(usual, 1e-9), 1.0)
+        expected[c] = scenes_ratio * worth.sum() if whole_scenes is None else whole_scenes[c]
         best = scores[: int(np.ceil(expected[c] / scenes_ratio))]
-        accept[c] = max(floor, (low + high) / 2, best[-1] if len(best) else 1.0)
+        if usual > 0 and len(best) and np.median(shown.probs[own]) >= rules.recognised:
+            accept[c] = max(rules.share * usual, float(best[-1]))
     return BoxLimits(accept, ignore, expected)
 
 
@@ -156,9 +216,10 @@ def teacher_objects(
     accepted = boxes.select(good)
     point_box = points_in_boxes(xyz, accepted.tensor)
     unsure = points_in_boxes(xyz, boxes.tensor[doubtful], margin=IGNORED_MARGIN) >= 0
+    unknown = np.isinf(limits.accept[boxes.labels])
+    why = {'unrecognised': unknown, 'doubt': doubtful & ~unknown, 'score': ~good & ~doubtful & ~unknown}
     steps = candidates.steps | {
-        'doubt': np.bincount(boxes.labels[doubtful], minlength=num_classes),
-        'score': np.bincount(boxes.labels[~good & ~doubtful], minlength=num_classes),
+        step: np.bincount(boxes.labels[lost], minlength=num_classes) for step, lost in why.items()
     }
     counts = {'pseudo_boxes': float(len(accepted)), 'doubtful_boxes': float(doubtful.sum())}
     return Objects(accepted, point_box, unsure & (point_box < 0), counts, boxes, steps)
