@@ -119,7 +119,15 @@ model = dict(
 iou_head = dict(type='BoxIoUHead')  # how well a box fits, which scores are multiplied by; None, with iou_loss=None: no
 
 # --- Losses (METHOD 7). One that is None is left out, and one of your own is a further entry.
-losses = ['${vote_loss}', '${point_loss}', '${aug_loss}', '${dice_loss}', '${scene_class_loss}', '${iou_loss}']
+losses = [
+    '${vote_loss}',
+    '${point_loss}',
+    '${aug_loss}',
+    '${dice_loss}',
+    '${scene_class_loss}',
+    '${iou_loss}',
+    '${prototype_loss}',
+]
 vote_loss = dict(type='VoteNetLoss', loss_weight=10.0)
 point_loss = dict(
     type='WeakSupervision',
@@ -131,6 +139,9 @@ aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
 dice_loss = dict(type='ProposalDice', loss=dict(type='DiceLoss'))
 scene_class_loss = dict(type='SceneClasses', num_classes='${num_classes}')
 iou_loss = dict(type='BoxOverlap')
+prototype_loss = (
+    None  # dict(type='ClassPrototypes', num_classes='${num_classes}', channels=32), say: those of the backbone
+)
 
 # --- Labels: how points become regions, regions merge and groups become boxes (METHOD 3, 5, 6)
 budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md

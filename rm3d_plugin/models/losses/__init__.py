@@ -6,6 +6,7 @@ tensors and know no model. A :class:`LossTerm` says what of a batch they compare
 
 from rm3d_plugin.models.losses.aug_loss import JSAugLoss, MSEAugLoss, js_aug_loss, js_divergence, mse_aug_loss
 from rm3d_plugin.models.losses.box_overlap import BoxOverlap, overlap_loss
+from rm3d_plugin.models.losses.class_prototypes import ClassPrototypes, even_assignment, prototype_loss
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
 from rm3d_plugin.models.losses.instance_dice import InstanceDice
 from rm3d_plugin.models.losses.instance_offsets import InstanceOffsets
@@ -22,6 +23,7 @@ from rm3d_plugin.models.losses.weak_supervision import WeakSupervision
 
 __all__ = [
     'BoxOverlap',
+    'ClassPrototypes',
     'DiceLoss',
     'InstanceDice',
     'InstanceOffsets',
@@ -40,12 +42,14 @@ __all__ = [
     'WeakSupervision',
     'class_weights',
     'dice_loss',
+    'even_assignment',
     'js_aug_loss',
     'js_divergence',
     'mse_aug_loss',
     'offset_loss',
     'overlap_loss',
     'point_cross_entropy',
+    'prototype_loss',
     'reduce_loss',
     'scene_class_loss',
 ]

@@ -73,7 +73,7 @@ def teacher_candidates(
     mean_sizes: Float[np.ndarray, 'classes 3'],
     rules: TeacherRules,
 ) -> Candidates:
-    """Predicted boxes that have the size of their class, points, and their place to themselves.
+    """Predicted boxes that have the size of their class, their place to themselves, and points.
 
     Args:
         xyz: Points, metres.
@@ -91,12 +91,12 @@ def teacher_candidates(
         return boxes.select(good)
 
     boxes = left(predicted, has_usual_size(predicted, mean_sizes, rules.size_ratio), 'size')
-    inside = points_in_boxes(xyz[~background], boxes.tensor)
-    held = np.bincount(inside[inside >= 0], minlength=len(boxes))
-    boxes = left(boxes, held >= rules.min_points, 'points')
     assert boxes.scores is not None
     alone = suppress(boxes, boxes.scores, annotated, rules.max_iou) == np.arange(len(boxes))
-    return Candidates(left(boxes, alone, 'collision'), steps, shown)
+    boxes = left(boxes, alone, 'collision')
+    inside = points_in_boxes(xyz[~background], boxes.tensor)
+    held = np.bincount(inside[inside >= 0], minlength=len(boxes))
+    return Candidates(left(boxes, held >= rules.min_points, 'points'), steps, shown)
 
 
 def has_usual_size(
