@@ -139,9 +139,8 @@ aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
 dice_loss = dict(type='ProposalDice', loss=dict(type='DiceLoss'))
 scene_class_loss = dict(type='SceneClasses', num_classes='${num_classes}')
 iou_loss = dict(type='BoxOverlap')
-prototype_loss = (
-    None  # dict(type='ClassPrototypes', num_classes='${num_classes}', channels=32), say: those of the backbone
-)
+prototype_loss = None  # '${class_prototypes}': several prototypes a class, for the classes of points alone
+class_prototypes = dict(type='ClassPrototypes', num_classes='${num_classes}', channels='${widths[0]}')
 
 # --- Labels: how points become regions, regions merge and groups become boxes (METHOD 3, 5, 6)
 budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md

@@ -4,8 +4,10 @@ import copy
 from typing import Any
 
 import numpy as np
+import torch
 from jaxtyping import Float
 
+from rm3d_plugin.engine.scene_prediction import scene_prediction
 from rm3d_plugin.ops.boxes import rotated_iou_3d
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.structures import Boxes3D, SceneError
@@ -81,3 +83,19 @@ def agreed_prediction(first: PointPrediction, second: PointPrediction) -> PointP
     if first.boxes is None or second.boxes is None:
         return PointPrediction(probabilities, first.centers, first.boxes)
     return PointPrediction(probabilities, first.centers, agreed_boxes(first.boxes, mirrored_boxes(second.boxes)))
+
+
+def predict_scenes(model: Any, batch: dict[str, Any], mirror: bool) -> list[tuple[str, PointPrediction]]:
+    """Names of the scenes of a batch, and what the network says of each.
+
+    Args:
+        model: In evaluation mode.
+        batch: As the data loader gives it.
+        mirror: Look twice, see :func:`agreed_prediction`.
+    """
+    with torch.no_grad():
+        first = [scene_prediction(sample) for sample in model.test_step(batch)]
+        if not mirror:
+            return first
+        second = [scene_prediction(sample) for sample in model.test_step(mirrored_batch(batch))]
+    return [(scene, agreed_prediction(a, b)) for (scene, a), (_, b) in zip(first, second, strict=True)]

@@ -90,7 +90,10 @@ def test_scenes_without_truth_beside_scenes_with_it():
 
 
 def test_a_class_without_boxes_or_with_too_many_is_told_with_the_steps():
-    rows = {name: {'annotated': 1, 'pseudo': n, 'correct': 0, 'true': 5} for name, n in zip(CLASSES, (30, 0, 4))}
+    rows = {
+        name: {'annotated': 1, 'pseudo': n, 'correct': 0, 'true': 5}
+        for name, n in zip(CLASSES, (30, 0, 4), strict=True)
+    }
     steps = {'found': np.array([40, 9, 4]), 'size': np.array([2, 3, 0]), 'doubt': np.array([8, 6, 0])}
     told = with_steps({'boxes': rows}, steps, np.array([10.04, 5.0, 2.0]))
     assert told['boxes']['Car']['expected'] == 10.0 and told['boxes']['Car']['steps']['doubt'] == 8

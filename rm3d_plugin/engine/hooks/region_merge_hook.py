@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import torch
 from mmengine.dist import barrier, is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import IterBasedTrainLoop, Runner
@@ -11,9 +10,8 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import forget_checkpoints
-from rm3d_plugin.engine.mirrored_view import agreed_prediction, mirrored_batch
+from rm3d_plugin.engine.mirrored_view import predict_scenes
 from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
-from rm3d_plugin.engine.scene_prediction import scene_prediction
 from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
@@ -166,16 +164,9 @@ class RegionMergeHook(Hook):
         batches = tqdm(self.dataloader, desc=f'labels, round {number}', disable=not is_main_process())
         for batch in batches:  # the sampler gives each process its share
             watch = Stopwatch()
-            with torch.no_grad():
-                samples = model.test_step(batch)
-                again = model.test_step(mirrored_batch(batch)) if self.mirror else None
+            found = predict_scenes(model, batch, self.mirror)
             self._predicting = self._predicting.plus(watch.read())
-            yield from map(scene_prediction, samples) if again is None else map(_agreed, samples, again)
-
-
-def _agreed(first: Any, second: Any) -> tuple[str, PointPrediction]:
-    scene, seen = scene_prediction(first)
-    return scene, agreed_prediction(seen, scene_prediction(second)[1])
+            yield from found
 
 
 def _check_project(runner: Runner) -> None:
