@@ -3,9 +3,10 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
+WORKERS ?= 2
 DEMO := rm3d_votenet_kitti_1pct
 
-.PHONY: setup demo annotate test fuzz faults mmdet3d lint types layers bench docs clean
+.PHONY: setup demo annotate test fuzz faults mmdet3d lint types layers bench docs dist try-dist clean
 
 setup: $(STAMP)
 
@@ -21,15 +22,16 @@ demo: $(STAMP)
 annotate: $(STAMP)
 	$(BIN)/rm3d annotate --demo --classes floor wall chair table
 
+# Two processes at a time: one has about 1.2 GB. WORKERS=0 is one process, in which a debugger works.
 test: $(STAMP)
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
 fuzz: $(STAMP)
 	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py
 	RM3D_FUZZ=500 $(BIN)/python -m pytest -q -s tests/storage/test_fuzz_stores.py tests/commands/test_fuzz_commands.py
 
 faults: $(STAMP)
-	RM3D_FAULTS=25 $(BIN)/python -m pytest -q tests/faults
+	RM3D_FAULTS=25 $(BIN)/python -m pytest -q tests/faults tests/annotation/test_killed.py
 
 # mmdetection3d 1.4 beside current torch: without its compiled operations, in an environment of its own.
 mmdet3d:
@@ -59,5 +61,19 @@ bench: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/mkdocs build --strict
 
+# Wheel and sdist; the wheel is built from the sdist, so that the sdist is whole.
+dist: $(STAMP)
+	rm -rf dist build
+	$(BIN)/python setup.py --quiet sdist
+	$(BIN)/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist dist/*.tar.gz
+	ls -l dist
+
+# The wheel in an environment of its own: make try-dist PYTHON=python3.13
+try-dist: dist
+	rm -rf build/try && $(PYTHON) -m venv build/try
+	build/try/bin/pip install --quiet "$$(ls dist/*.whl)[standalone]"
+	cd build/try && bin/rm3d info && bin/rm3d train rm3d_sem_scannet_0p2pct --demo --work-dir run --cfg-options \
+	  demo_data.num_train=2 demo_data.num_val=1 rounds=2 sigma=1 'widths=[8,16]' voxel_size=0.2 crop_points=4000
+
 clean:
-	rm -rf $(VENV) .venv-mmdet3d build site *.egg-info
+	rm -rf $(VENV) .venv-mmdet3d build dist site *.egg-info

@@ -33,6 +33,24 @@ def pytest_report_header() -> str:
     return f'real scans: {folder or "none (RM3D_REAL_DATA names no folder); their tests are skipped"}'
 
 
+SHARED_RUNS = ('finished', 'trained')  # made once in a session: the files that read one belong to one process
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A file, or the files that read one run, is what a process of pytest-xdist takes; those with slow tests first."""
+    groups, slow = {}, set()
+    for item in items:
+        defined = item._fixtureinfo.name2fixturedefs if isinstance(item, pytest.Function) else {}
+        for name in SHARED_RUNS:
+            if name in defined and defined[name][0].scope == 'session':
+                groups[item.path] = name
+        if item.get_closest_marker('slow'):
+            slow.add(item.path)
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group(groups.get(item.path, str(item.path))))
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture(scope='session')
 def real_data() -> Path:
     """Folder of small real scans; the tests that need it are skipped where it is absent."""

@@ -10,7 +10,9 @@ import torch
 
 from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.experiments.benchmarks import (
+    annotate_page,
     clicks_to_quality,
+    cost_model,
     descriptors,
     first_call,
     large_scene,
@@ -30,9 +32,11 @@ BENCHMARKS = (
     *regions.ALL,
     prepare,
     large_scene,
+    cost_model,
     first_call,
     propagate_clicks,
     clicks_to_quality,
+    annotate_page,
 )
 
 

@@ -82,8 +82,9 @@ def _make_demo_data(config: Config) -> None:
         return
     try:
         print(DEMO_NOTE)
-        root = Path(config.data_root)
-        with waiting_lock(root.parent / f'.{root.name}.lock'):  # two runs may want the same data
-            make_demo(config.data_root, **config.demo_data)
+        for wanted in ({'root': config.data_root, **config.demo_data}, *config.get('more_demo_data', ())):
+            root = Path(wanted['root'])
+            with waiting_lock(root.parent / f'.{root.name}.lock'):  # two runs may want the same data
+                make_demo(**wanted)
     except ValueError as error:  # a folder that holds real data is left alone
         raise ConfigError(f'--demo: {error}') from error

@@ -7,8 +7,10 @@ from rm3d_plugin.datasets.box_files import BoxFilesDataset
 from rm3d_plugin.datasets.boxes import BoxDataset
 from rm3d_plugin.datasets.files import FilesDataset
 from rm3d_plugin.datasets.instance_boxes import InstanceBoxDataset
+from rm3d_plugin.datasets.joined import JoinedScenes
 from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.oakland import OaklandDataset
+from rm3d_plugin.datasets.other_classes import OtherClassesDataset
 from rm3d_plugin.datasets.s3dis import S3DISDataset
 from rm3d_plugin.datasets.scannet import ScanNetDataset
 from rm3d_plugin.datasets.segmentation import SegmentationDataset
@@ -23,8 +25,10 @@ __all__ = [
     'DatasetNotFoundError',
     'FilesDataset',
     'InstanceBoxDataset',
+    'JoinedScenes',
     'KittiDataset',
     'OaklandDataset',
+    'OtherClassesDataset',
     'S3DISDataset',
     'ScanNetDataset',
     'SceneDataset',

@@ -5,6 +5,7 @@ from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, cosine_simil
 from rm3d_plugin.descriptors.external import External
 from rm3d_plugin.descriptors.fpfh import FPFH, fpfh
 from rm3d_plugin.descriptors.hks import HKS, heat_kernel_signature
+from rm3d_plugin.descriptors.learned import Contrastive, LearnedDescriptor, Predator
 from rm3d_plugin.descriptors.pfh import PFH, original_pfh
 from rm3d_plugin.descriptors.shot import SHOT, shot
 from rm3d_plugin.descriptors.sihks import SIHKS, scale_invariant_heat_kernel_signature
@@ -23,9 +24,12 @@ __all__ = [
     'VCCS',
     'WKS',
     'AdaptedPFH',
+    'Contrastive',
     'Descriptor',
     'External',
+    'LearnedDescriptor',
     'LightFields',
+    'Predator',
     'SpectralDescriptor',
     'SuperpointGraph',
     'VisualSimilarity',

@@ -9,14 +9,10 @@ from typing import Any
 from mmengine.config import Config
 
 from rm3d_plugin.engine.renamed_options import RENAMED_CONFIGS
-from rm3d_plugin.user_error import UserError
+from rm3d_plugin.user_error import ConfigError as ConfigError
 
 PACKAGE = Path(__file__).resolve().parents[1]
 SHIPPED = f'{PACKAGE.name}::'
-
-
-class ConfigError(UserError):
-    """A config that cannot be run; the message names the key."""
 
 
 def shipped_configs() -> Path:

@@ -1,13 +1,14 @@
 """What a measured table has measured already, so that it goes on where it was stopped."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.storage import read_json, write_json
 from rm3d_plugin.storage.files import plain_json
+from rm3d_plugin.storage.fingerprint import Fingerprinted
 
 AnyRow = TypeVar('AnyRow', bound=tuple[Any, ...])
 
@@ -32,6 +33,11 @@ def kept_rows(
     return rows
 
 
-def scenes_asked(request: Request, names: Sequence[str]) -> dict[str, Any]:
-    """What rows of scenes depend on: how many scenes and points, which seed, which methods."""
-    return {'scenes': request.scenes, 'points': request.points, 'seed': request.seed, 'methods': list(names)}
+def descriptor_asked(request: Request, part: Fingerprinted) -> dict[str, Any]:
+    """What rows of one descriptor depend on: scenes, points, seed, and its settings and weights."""
+    return {
+        'scenes': request.scenes,
+        'points': request.points,
+        'seed': request.seed,
+        'descriptor': part.fingerprint(),
+    }

@@ -1,6 +1,6 @@
 """Networks, heads and losses: everything that learns from labels."""
 
-from rm3d_plugin.models import backbones, consistency, detectors, heads, losses, segmentors
+from rm3d_plugin.models import backbones, consistency, descriptors, detectors, heads, losses, segmentors
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.consistency import View
 from rm3d_plugin.models.losses import LossTerm
@@ -19,6 +19,7 @@ __all__ = [
     'View',
     'backbones',
     'consistency',
+    'descriptors',
     'detectors',
     'heads',
     'join_scenes',

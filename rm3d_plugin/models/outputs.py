@@ -9,12 +9,17 @@ from rm3d_plugin.models.heads.vote_head import VoteOutput
 
 
 @runtime_checkable
-class PointOutput(Protocol):
-    """What every network says of points; a loss that reads no more works with all of them."""
+class FeatureOutput(Protocol):
+    """What networks without classes say of points, too."""
 
     @property
     def features(self) -> Float[Tensor, 'points channels']:
         """Of the backbone."""
+
+
+@runtime_checkable
+class PointOutput(FeatureOutput, Protocol):
+    """What every network of classes says of points; a loss that reads no more works with all of them."""
 
     @property
     def logits(self) -> Float[Tensor, 'points classes']:

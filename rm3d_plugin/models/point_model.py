@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.consistency import View, kept_statistics
 from rm3d_plugin.models.losses.loss_term import LossTerm
-from rm3d_plugin.models.outputs import PointOutput
+from rm3d_plugin.models.outputs import FeatureOutput
 from rm3d_plugin.models.preprocessor import join_inputs
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import LabelStatistics, SceneSample, nest_predictions
@@ -65,7 +65,7 @@ class PointModel(BaseModel):
         """Class scores of points, float32, from their features."""
 
     @abstractmethod
-    def network(self, batch: Batch) -> PointOutput:
+    def network(self, batch: Batch) -> FeatureOutput:
         """Run backbone and heads."""
 
     @abstractmethod

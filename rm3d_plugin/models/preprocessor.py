@@ -36,10 +36,10 @@ class ScenePreprocessor(BaseDataPreprocessor):
 
     In: ``inputs`` = dict of ``points``, a list of (n, D), and, with further views, ``views``: a list of dicts of
     ``points``, a list of (m, D), and ``point_ids``, a list of (m,): the row of its scene's points that each point of
-    the view is. Out: ``inputs`` = dict of ``points`` (N, D), ``batch_offsets`` (B + 1,) and ``views``, a list of dicts
-    of ``points``, ``batch_offsets`` and ``point_ids`` (rows of the joined ``points``). A view in which no scene of the
-    batch has a point is left out. Batches of mmdetection3d (``Pack3DDetInputs``) are such batches, and their samples
-    are left as they are.
+    the view is, or -1. Out: ``inputs`` = dict of ``points`` (N, D), ``batch_offsets`` (B + 1,) and ``views``, a list of
+    dicts of ``points``, ``batch_offsets`` and ``point_ids`` (rows of the joined ``points``, or -1). A view in which no
+    scene of the batch has a point is left out. Batches of mmdetection3d (``Pack3DDetInputs``) are such batches, and
+    their samples are left as they are.
     """
 
     def forward(self, data: Any, training: bool = False) -> dict[str, Any]:
@@ -77,8 +77,11 @@ def _joined_view(view: dict[str, list[Tensor]], offsets: Tensor, name: str) -> d
     for points, ids, size in zip(view['points'], view['point_ids'], offsets.diff().tolist(), strict=True):
         if len(points) != len(ids):
             raise SceneError(f'{name}.point_ids: expected {len(points)} ids (one a point), got {len(ids)}')
-        if len(ids) and not 0 <= int(ids.min()) <= int(ids.max()) < size:
-            raise SceneError(f'{name}.point_ids: expected rows of {size} points, got up to {int(ids.max())}')
+        if len(ids) and not -1 <= int(ids.min()) <= int(ids.max()) < size:
+            raise SceneError(
+                f'{name}.point_ids: expected rows of {size} points, or -1, got {int(ids.min())} to {int(ids.max())}'
+            )
     points, batch_offsets = join_scenes(view['points'])
-    point_ids = torch.cat([ids + first for ids, first in zip(view['point_ids'], offsets[:-1], strict=True)])
+    firsts = zip(view['point_ids'], offsets[:-1], strict=True)
+    point_ids = torch.cat([torch.where(ids < 0, ids, ids + first) for ids, first in firsts])
     return {'points': points, 'batch_offsets': batch_offsets, 'point_ids': point_ids}

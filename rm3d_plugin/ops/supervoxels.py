@@ -316,6 +316,6 @@ def _distance(
             dot += features.normals[voxel, c] * centres.normals[centre, c]
             known = known or features.normals[voxel, c] != 0.0
         if known:
-            shape = 1.0 - abs(dot)
+            shape = max(1.0 - abs(dot), 0.0)  # rounding must not make a distance negative
         space, color = np.sqrt(space), np.sqrt(color)
     return weights[0] * color + weights[1] * space + weights[2] * shape

@@ -2,23 +2,31 @@
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from runs import tiny_runs
 
-ROOT = Path(__file__).resolve().parents[2]
+
+def _bench(folder, arguments):
+    os.environ['PCL_ROOT'] = str(folder)
+    tiny_runs.command('bench', folder, arguments)
+
+
+def bench(tmp_path, *arguments, repeats=1, out='out.json'):
+    """Run a benchmark where no C++ peer can be found, and read its numbers."""
+    words = [*arguments, '--repeats', str(repeats), '--json', str(tmp_path / out)]
+    code, printed = tiny_runs.run(tmp_path / 'log.txt', _bench, tmp_path, words)
+    assert code == 0, printed
+    result = json.loads((tmp_path / out).read_text())
+    assert printed.endswith(json.dumps(result, indent=2) + '\n')
+    return result
 
 
 def test_sparse_unet(tmp_path):
-    out = tmp_path / 'sub' / 'unet.json'
-    command = [sys.executable, str(ROOT / 'tools' / 'bench.py'), 'sparse-unet', '--voxels', '300', '--channels', '4']
-    command += ['--blocks', '1', '--backward', '--repeats', '2', '--json', str(out)]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path).stdout
-    result = json.loads(out.read_text())
-    assert json.loads(printed) == result
+    arguments = ['sparse-unet', '--voxels', '300', '--channels', '4', '--blocks', '1', '--backward']
+    result = bench(tmp_path, *arguments, repeats=2, out=Path('sub') / 'unet.json')
     assert abs(result['voxels'] - 300) <= 15
     pairs = round(result['active_neighbours'] * result['voxels'])
     convolutions = 3  # the stem and two of the block, 4 -> 4 channels each
@@ -26,15 +34,6 @@ def test_sparse_unet(tmp_path):
     assert result['forward_backward_flops'] == 3 * result['flops']
     assert all(result[key] > 0 for key in ('forward_s', 'forward_backward_s', 'gemm_gflops', 'forward_share_of_gemm'))
     assert result['machine']['torch_threads'] == 1
-
-
-def bench(tmp_path, *arguments):
-    """Run a benchmark where no C++ peer can be found, and read its numbers."""
-    out = tmp_path / 'out.json'
-    command = [sys.executable, str(ROOT / 'tools' / 'bench.py'), *arguments, '--repeats', '1', '--json', str(out)]
-    environment = {**os.environ, 'PCL_ROOT': str(tmp_path)}
-    subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path, env=environment)
-    return json.loads(out.read_text())
 
 
 def test_octree(tmp_path):

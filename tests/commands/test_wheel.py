@@ -44,7 +44,19 @@ def installed(tmp_path_factory) -> Path:
     shell(*pip, 'wheel', '--no-deps', '--no-build-isolation', '--wheel-dir', source / 'dist', source, cwd=source)
     (wheel,) = (source / 'dist').glob('*.whl')
     shell(*pip, 'install', '--no-deps', '--target', folder, wheel, cwd=source)
+    _bring_compiled(folder)
     return folder
+
+
+def _bring_compiled(folder: Path) -> None:
+    """Kernels that the checkout has compiled: they belong to sources of the same name, size and time."""
+    for cached in (ROOT / 'rm3d_plugin').rglob('__pycache__'):
+        here = folder / cached.relative_to(ROOT)
+        here.mkdir(exist_ok=True)
+        for file in cached.glob('*.nb?'):
+            shutil.copy(file, here / file.name)
+        for source in cached.parent.glob('*.py'):
+            shutil.copystat(source, here.parent / source.name)
 
 
 @pytest.mark.slow

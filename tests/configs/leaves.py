@@ -5,6 +5,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / 'configs'
 LEAVES = sorted([*CONFIGS.glob('*.py'), *CONFIGS.glob('baselines/*.py')])
+DESCRIPTORS = sorted(CONFIGS.glob('descriptors/*.py'))
 SEGMENTATION = [path for path in LEAVES if path.stem.startswith(('rm3d_sem', 'rm3d_ins', 'sup_sem', 'sup_ins'))]
 DETECTION = [path for path in LEAVES if path not in SEGMENTATION]
 

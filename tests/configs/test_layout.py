@@ -3,7 +3,7 @@
 import ast
 
 import pytest
-from configs.leaves import CONFIGS, LEAVES
+from configs.leaves import CONFIGS, DESCRIPTORS, LEAVES
 
 from rm3d_plugin.engine.config import load_config
 
@@ -32,7 +32,7 @@ def files_of(path):
     return [path, *(file for base in bases for file in files_of((path.parent / base).resolve()))]
 
 
-@pytest.mark.parametrize('path', LEAVES, ids=lambda path: path.stem)
+@pytest.mark.parametrize('path', [*LEAVES, *DESCRIPTORS], ids=lambda path: path.stem)
 def test_a_leaf_reads_two_further_files_at_most_and_is_short(path):
     files = files_of(path)
     assert len(files) <= 3 and files[1].parent == CONFIGS / '_base_'
@@ -41,10 +41,10 @@ def test_a_leaf_reads_two_further_files_at_most_and_is_short(path):
 
 
 def test_every_base_is_read_by_a_leaf():
-    assert {file for leaf in LEAVES for file in files_of(leaf)} == {*LEAVES, *BASES}
+    assert {file for leaf in (*LEAVES, *DESCRIPTORS) for file in files_of(leaf)} == {*LEAVES, *DESCRIPTORS, *BASES}
 
 
-@pytest.mark.parametrize('path', LEAVES, ids=lambda path: path.stem)
+@pytest.mark.parametrize('path', [*LEAVES, *DESCRIPTORS], ids=lambda path: path.stem)
 def test_a_leaf_tells_what_it_is_its_command_time_and_score(path):
     what, command, time, score = path.read_text().splitlines()[:4]
     assert what.startswith('# ') and what.endswith('.')
@@ -55,7 +55,7 @@ def test_a_leaf_tells_what_it_is_its_command_time_and_score(path):
 def test_names_lead_to_the_method_or_to_what_it_is_compared_with():
     for path in LEAVES:
         assert path.stem.startswith('sup_') == (path.parent.name == 'baselines')
-    assert len({path.stem for path in LEAVES}) == len(LEAVES)
+    assert len({path.stem for path in (*LEAVES, *DESCRIPTORS)}) == len(LEAVES) + len(DESCRIPTORS)
 
 
 @pytest.mark.parametrize('path', LEAVES, ids=lambda path: path.stem)
@@ -75,6 +75,6 @@ def test_what_every_run_shares_is_the_same_on_each_page():
         assert all(page[key] == pages[0][key] for page in pages), key
 
 
-@pytest.mark.parametrize('path', [*LEAVES, *BASES], ids=lambda path: path.stem)
+@pytest.mark.parametrize('path', [*LEAVES, *DESCRIPTORS, *BASES], ids=lambda path: path.stem)
 def test_no_arithmetic(path):
     assert not [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.BinOp)]

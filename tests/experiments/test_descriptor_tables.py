@@ -11,6 +11,7 @@ from rm3d_plugin.descriptors import SuperpointGraph
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.functional.boundary import boundary_scores
 from rm3d_plugin.experiments import MeasuredTable, Request, make_table, scenes
+from rm3d_plugin.experiments.poses import POSES
 from rm3d_plugin.experiments.render import to_markdown
 from rm3d_plugin.experiments.scenes import (
     Collection,
@@ -23,21 +24,23 @@ from rm3d_plugin.experiments.scenes import (
 )
 from rm3d_plugin.experiments.tables import TABLES, descriptors_overseg, robustness_card
 from rm3d_plugin.experiments.tables.descriptors_overseg import (
-    POSES,
     Method,
     OversegScores,
+    all_methods,
     fill_overseg,
-    measure_collection,
+    measure_method,
 )
 from rm3d_plugin.experiments.tables.robustness_card import (
     LEVELS,
     CardRow,
     change_scene,
+    change_scenes,
     compare,
     fill_card,
     measure_card,
 )
 from rm3d_plugin.oversegmentation import RegionGrowing
+from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import Descriptors, PointCloud
 
 SPG = Method('SuperpointGraph', 'SuperpointGraph')
@@ -76,41 +79,51 @@ def test_a_turned_scene_has_turned_normals(rooms, sensor):
 
 
 def test_scores_are_those_of_the_tuned_parts(rooms):
-    told = []
-    rows = measure_collection(rooms, [SPG, SUPERVOXELS], seed=0, log=told.append)
+    rows = [row for method in (SPG, SUPERVOXELS) for row in measure_method(method, rooms, seed=0)]
     assert [(row.method, row.pose) for row in rows] == [(m.title, pose) for m in (SPG, SUPERVOXELS) for pose in POSES]
-    scene = rooms.scenes[0]
-    settings = dict(part.split() for part in rows[0].settings.split(', '))
+    scene, first = rooms.scenes[0], rows[0]
+    settings = dict(part.split() for part in first.settings.split(', '))
     assert set(settings) == {'theta', 'zeta'} and rows[3].settings.startswith('seed_size ')
-    tuned = descriptors_overseg.tune_method(
-        SPG, rooms, [descriptors_overseg._annotated_labels(rooms.tuning[0], [0, 0])]
-    ).tuning.options
+    labels = [descriptors_overseg._annotated_labels(rooms.tuning[0], [0, 0])]
+    parts = descriptors_overseg.tune_method(SPG, rooms, labels)
     described = SuperpointGraph().compute(scene.cloud)
-    labels = RegionGrowing(**tuned).segment(scene.cloud, described).labels
-    scores = boundary_scores(scene.cloud.xyz, scene.semantic, labels, rooms.classes, scene.objects)
-    assert rows[0][3:8] == pytest.approx(
+    options = descriptors_overseg.options_for(parts, scene, described)
+    assert options['zeta'] == parts.tuning.options['zeta']  # the counted value alone is set anew
+    found = RegionGrowing(**options).segment(scene.cloud, described).labels
+    scores = boundary_scores(scene.cloud.xyz, scene.semantic, found, rooms.classes, scene.objects)
+    assert first[4:9] == pytest.approx(
         (scores.recall, scores.precision, scores.f1, scores.oracle_miou, scores.oracle_accuracy)
     )
-    assert rows[0].regions == scores.regions and rows[0].points == len(scene.cloud) and rows[0].scenes == 1
-    assert rows[0].oracle_miou > 0.6 and len(told) == 2
-    assert abs(rows[1].f1 - rows[0].f1) < 0.1  # eigenfeatures do not change about z
+    assert first.regions == scores.regions and first.points == len(scene.cloud) and first.scene == 'room 1'
+    assert first.oracle_miou > 0.6 and abs(rows[1].f1 - first.f1) < 0.1  # eigenfeatures do not change about z
+    assert 0.8 < first.regions / (len(scene.cloud) / 150) < 1.25
+
+
+def test_rows_follow_from_the_registered_descriptors(monkeypatch):
+    titles = [method.title for method in all_methods()]
+    assert titles[:4] == ['VisualSimilarity', 'HKS', 'SIHKS', 'FPFH'] and 'AdaptedPFH' in titles
+    monkeypatch.delitem(DESCRIPTORS.module_dict, 'FPFH')
+    fewer = [method.title for method in all_methods()]
+    assert set(titles) - set(fewer) == {'FPFH', 'FPFH, VCCS divides', 'normals, VCCS divides'}
 
 
 def test_table_as_printed():
     rows = [
         OversegScores(
-            'toy', 'FPFH', pose, 0.5 + i / 10, 0.25, 1 / 3, 0.8, 0.9, 100.0 + i, 1.5, 0.25, 2, 5000, 'theta 9'
+            'toy', 'FPFH', pose, scene, 0.5 + i / 10, 0.25, 1 / 3, 0.8, 0.9, 100 + more, 1.5, 0.25, 2500, 'theta 9'
         )
+        for scene, more in (('a', 0), ('b', 20))
         for i, pose in enumerate(POSES)
     ]
     table = fill_overseg(rows, seed=4)
     lines = to_markdown(table).splitlines()
     assert '**toy: 2 scenes, 5000 points**' in lines and 'seed 4' in ' '.join(lines[:4])
     assert lines[-1] == (
-        '| FPFH | 50.0 / 60.0 / 70.0 | 25.0 / 25.0 / 25.0 | 33.3 / 33.3 / 33.3 | 80.0 / 80.0 / 80.0 | 100 / 101 / 102 '
-        '| 1.50 + 0.25 | theta 9 |'
+        '| FPFH | 50.0 ± 0.0 / 60.0 ± 0.0 / 70.0 ± 0.0 | 25.0 ± 0.0 / 25.0 ± 0.0 / 25.0 ± 0.0 '
+        '| 33.3 ± 0.0 / 33.3 ± 0.0 / 33.3 ± 0.0 | 80.0 ± 0.0 / 80.0 ± 0.0 / 80.0 ± 0.0 '
+        '| 110 ± 14 / 110 ± 14 / 110 ± 14 | 1.50 + 0.25 |'
     )
-    assert table.records[1]['pose'] == 'z' and table.records[1]['recall'] == 0.6 and len(table.records) == 3
+    assert table.records[1]['pose'] == 'z' and table.records[1]['recall'] == 0.6 and len(table.records) == 6
 
 
 def test_files_of_both_tables(rooms, tmp_path, monkeypatch):
@@ -124,7 +137,7 @@ def test_files_of_both_tables(rooms, tmp_path, monkeypatch):
         text = to_markdown(make_table(name, request))
         assert (tmp_path / f'{name}.md').read_text() == text
         assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
-        assert (tmp_path / 'measured' / f'{name}_toy.json').is_file()
+        assert (tmp_path / 'measured' / f'{name}_toy_SuperpointGraph.json').is_file()
     saved = list(csv.DictReader((tmp_path / 'descriptors-overseg.csv').read_text().splitlines()))
     assert [row['pose'] for row in saved] == list(POSES) and 0 < float(saved[0]['f1']) < 1
     lines = (tmp_path / 'robustness-card.csv').read_text().splitlines()
@@ -156,7 +169,9 @@ def test_comparison_by_hand():
 
 
 def test_card_of_a_descriptor_that_does_not_turn(rooms):
-    rows = {(row.kind, row.level): row for row in measure_card(rooms, ['SuperpointGraph'], 0, lambda line: None)}
+    made = measure_card('SuperpointGraph', SuperpointGraph(), 'toy', lambda: change_scenes(rooms, 0), 0)
+    rows = {(row.kind, row.level): row for row in made}
+    assert list(rows) == [(kind, level) for kind, levels in LEVELS.items() for level in levels]
     assert rows['turn about z', 60.0].cosine > 0.999 and rows['turn about z', 60.0].own > 0.95
     assert rows['tilt', 60.0].cosine < 0.98  # verticality
     assert rows['noise', 10.0].cosine < rows['noise', 2.0].cosine

@@ -13,13 +13,14 @@ from rm3d_plugin.experiments.render import to_markdown
 from rm3d_plugin.experiments.run_commands import config_path
 from rm3d_plugin.experiments.runner import Commands, run_folder
 from rm3d_plugin.experiments.scores import fill_table
-from rm3d_plugin.experiments.spec import Request, Row, Table, method_rows
+from rm3d_plugin.experiments.spec import MeasuredTable, Request, Row, Table, method_rows
 from rm3d_plugin.experiments.tables.propagation import COLUMNS, METHODS
 from rm3d_plugin.experiments.tables.pseudo_label_rounds import METHODS as ROUND_METHODS
 
 FEW, ALL = Row('few', 'few_cfg'), Row('all', 'all_cfg')
 TABLE = Table('a title', (FEW, ALL), {'Car': 'car', 'mean': 'mean'}, reference='all')
 TRAINED = {name: table for name, table in TABLES.items() if isinstance(table, Table)}
+BY_BUDGET = [name for name in TRAINED if name != 'detection-mechanisms']
 
 
 def finish(request, row, seed, **scores):
@@ -56,10 +57,15 @@ def test_means_ranges_and_ratio(tmp_path):
     }  # fmt: skip
 
 
-LABELLED = {*TRAINED, 'propagation', 'pseudo-labels'}  # the others measure descriptors and need no labels
+LABELLED = {
+    *TRAINED,
+    'propagation',
+    'pseudo-labels',
+    'pseudo-boxes',
+}  # the others measure descriptors and need no labels
 
 
-@pytest.mark.parametrize('name', TRAINED)
+@pytest.mark.parametrize('name', BY_BUDGET)
 def test_each_budget_of_a_table_has_both_strategies_and_the_labels_alone(name):
     rows = [row for row in TRAINED[name].rows if not row.name.startswith('all ')]
     budgets = {row.config.removeprefix('rm3d_').removeprefix('sup_') for row in rows}
@@ -73,7 +79,15 @@ def test_each_budget_of_a_table_has_both_strategies_and_the_labels_alone(name):
 
 
 def test_measured_tables_of_labels_have_both_strategies_and_what_is_trivial():
-    assert set(TABLES) - LABELLED == {'descriptors-overseg', 'robustness-card'}
+    measured = {name for name, table in TABLES.items() if isinstance(table, MeasuredTable)}
+    assert measured - LABELLED == {
+        'descriptors-overseg',
+        'descriptors-matching',
+        'robustness-card',
+        'clicks-to-quality',
+        'octree',
+        'figures',
+    }
     assert {'nearest labelled point', 'labelled points alone', 'RM3D as in the paper', 'RM3D'} <= set(METHODS)
     assert {'labelled_only', 'nearest', 'paper', 'rm3d'} <= set(COLUMNS)
     assert list(ROUND_METHODS.values()) == ['nearest labelled point', 'RM3D as in the paper', 'RM3D']
@@ -124,7 +138,11 @@ def test_unknown_table_names_the_known_ones(tmp_path):
 
 def test_list_of_tables(tmp_path):
     lines = list_tables(Request(tmp_path, seeds=(0, 1))).splitlines()
-    assert len(lines) == len(TABLES) and lines[0].split()[:3] == ['kitti-demo', '8', 'runs']
+    assert (
+        len(lines) == len(TABLES) + 1
+        and lines[-1].startswith('all ')
+        and lines[0].split()[:3] == ['kitti-demo', '8', 'runs']
+    )
     assert [line.split()[1] for line in lines if line.startswith('propagation')] == ['measured']
 
 

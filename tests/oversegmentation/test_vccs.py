@@ -149,6 +149,15 @@ def test_pcl_distance_uses_normals_of_either_sign():
     assert pure > 0.97 * len(xyz)
 
 
+def test_rounding_makes_no_distance_negative():
+    # A voxel at its own centre; the normal's length is 1 + 2e-16, so that 1 - |n.n| is below 0.
+    long = np.array([0.0, 0.0, 1.0 + 2.3e-16])
+    assert long @ long > 1
+    here = VoxelFeatures(np.zeros((2, 3)), np.zeros((2, 0)), np.stack([long, long]), np.zeros((2, 0)))
+    near = np.array([[1], [0]])
+    assert grow_supervoxels(here, near, np.array([0, 1]), 1.0, 3, VoxelDistance('pcl')).tolist() == [0, 1]
+
+
 def test_a_room_falls_into_pure_connected_supervoxels():
     xyz, objects = make_room()
     cloud = PointCloud(xyz)

@@ -2,6 +2,7 @@
 
 from rm3d_plugin.datasets.transforms.augmented_view import AugmentedView, ViewSettings, augmented_view
 from rm3d_plugin.datasets.transforms.clearance_features import ClearanceFeatures, clearance_columns
+from rm3d_plugin.datasets.transforms.crop_pairs import CropPair, CropPairs, PairSettings, crop_pair
 from rm3d_plugin.datasets.transforms.geometric import GlobalRotScale, RandomFlipY, flip_y, rotate_scale
 from rm3d_plugin.datasets.transforms.indoor import (
     ColorAutoContrast,
@@ -20,6 +21,7 @@ from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, sele
 from rm3d_plugin.datasets.transforms.scan_noise import PointNoise, RandomDownsample, noisy_points
 from rm3d_plugin.datasets.transforms.shape_features import ShapeFeatures, shape_columns
 from rm3d_plugin.datasets.transforms.sinusoidal_position import SinusoidalPosition, place_columns
+from rm3d_plugin.datasets.transforms.voxel_units import VoxelUnits
 
 __all__ = [
     'AugmentedView',
@@ -28,6 +30,8 @@ __all__ = [
     'ColorAutoContrast',
     'ColorDrop',
     'ColorJitter',
+    'CropPair',
+    'CropPairs',
     'DropGround',
     'ElasticDistortion',
     'GlobalRotScale',
@@ -35,6 +39,7 @@ __all__ = [
     'HeightAboveGround',
     'LimitPoints',
     'PackScene',
+    'PairSettings',
     'PointNoise',
     'RandomCrop',
     'RandomFlipY',
@@ -42,10 +47,12 @@ __all__ = [
     'SinusoidalPosition',
     'ShapeFeatures',
     'ViewSettings',
+    'VoxelUnits',
     'augmented_view',
     'auto_contrast',
     'class_center',
     'clearance_columns',
+    'crop_pair',
     'crop_rows',
     'elastic',
     'flip_y',

@@ -23,11 +23,11 @@ def rgb_columns(points: Float[np.ndarray, 'points channels']) -> slice | None:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Another view of the same points.
+    """Another view of the same points, or of some of them and others.
 
     Attributes:
         points: (m, 3 + channels) float32.
-        point_ids: (m,) int64 ascending; row ``i`` is a copy of row ``point_ids[i]`` of the first view.
+        point_ids: (m,) int64; row ``i`` is a copy of row ``point_ids[i]`` of the first view; -1: of none.
     """
 
     points: Float[np.ndarray, 'kept channels']

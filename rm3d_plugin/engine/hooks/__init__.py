@@ -1,9 +1,17 @@
 """One hook a file; each decides when, and calls one thing."""
 
+from rm3d_plugin.engine.hooks.descriptor_weights_hook import DescriptorWeightsHook
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import RunRecordHook
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import SafeCheckpointHook
 from rm3d_plugin.engine.hooks.seed_hook import EpochSeedHook
 from rm3d_plugin.engine.hooks.time_budget_hook import TimeBudgetHook
 
-__all__ = ['EpochSeedHook', 'RegionMergeHook', 'RunRecordHook', 'SafeCheckpointHook', 'TimeBudgetHook']
+__all__ = [
+    'DescriptorWeightsHook',
+    'EpochSeedHook',
+    'RegionMergeHook',
+    'RunRecordHook',
+    'SafeCheckpointHook',
+    'TimeBudgetHook',
+]

@@ -1,21 +1,23 @@
 """Table 1 of the paper: how well regions keep to objects, for each descriptor, as scanned and turned."""
 
+import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
-from operator import add
-from typing import Any, Literal, NamedTuple, get_args
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Int
 
 from rm3d_plugin.descriptors import Descriptor
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.evaluation.functional.boundary import BoundaryCounts, boundary_counts, scores_of
-from rm3d_plugin.experiments.kept import kept_rows, scenes_asked
+from rm3d_plugin.evaluation.functional.boundary import boundary_scores
+from rm3d_plugin.experiments.compared_descriptors import build_descriptor, compared_descriptors
+from rm3d_plugin.experiments.kept import descriptor_asked, kept_rows
+from rm3d_plugin.experiments.poses import HEADING, POSES, TITLES, Pose, pose_cell, posed
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
-from rm3d_plugin.experiments.scenes import Collection, TableScene, load_collections, random_turn, turned
+from rm3d_plugin.experiments.scenes import Collection, TableScene, load_collections
 from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.inference.oversegment import POINTS_PER_REGION, build_part
 from rm3d_plugin.label_budgets import PointAmount, draw_points
@@ -25,21 +27,24 @@ from rm3d_plugin.oversegmentation.region_growing import PRESETS as GROWING_PRESE
 from rm3d_plugin.oversegmentation.tuning import (
     Score,
     Tuning,
+    bisect_count,
     score_regions,
     tune_options,
     tune_region_growing,
 )
-from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
+from rm3d_plugin.registry import OVERSEGMENTERS
+from rm3d_plugin.structures import Descriptors
 from rm3d_plugin.visualization.tables import BarPanel, draw_bars
 
-Pose = Literal['original', 'z', 'so3']
-POSES: tuple[Pose, ...] = get_args(Pose)
 LABELLED_PERCENT = 0.2  # of the points of a tuning scene; the paper's budget for its Table 1
 SIZES: dict[str, tuple[float, float]] = {'indoor': (0.1, 2.0), 'lidar': (0.6, 8.0)}  # m, VCCS' seed_size
 VOXELS = {'indoor': 0.05, 'lidar': 0.3}  # m, VCCS' voxel_size
 PRICES = (0.003, 30.0)  # CutPursuit's regularization
 ZETAS = (0.015, 0.04)  # curvature differences that are tried; the first is the indoor preset's
 STEPS = 5  # values of theta, seed_size or regularization that are tried
+COUNTED = {'RegionGrowing': 'theta', 'VCCS': 'seed_size', 'CutPursuit': 'regularization'}  # larger: fewer regions
+NEARBY = 4.0  # on a scene the count is met by values within this factor of the tuned one
+SCORES = ('recall', 'precision', 'f1', 'oracle_miou')
 
 
 class Method(NamedTuple):
@@ -51,102 +56,101 @@ class Method(NamedTuple):
     options: Mapping[str, Any] = {}
 
 
-METHODS = (
-    Method('VisualSimilarity', 'VisualSimilarity'),
-    Method('HKS', 'HKS'),
-    Method('SIHKS', 'SIHKS'),
-    Method('FPFH', 'FPFH'),
-    Method('WKS', 'WKS'),
-    Method('SHOT', 'SHOT'),
-    Method('VCCS', 'VCCS'),
-    Method('SuperpointGraph', 'SuperpointGraph'),
-    Method('PFH', 'PFH'),
-    Method('AdaptedPFH', 'AdaptedPFH'),
+DIVIDED = (
     Method('FPFH, VCCS divides', 'FPFH', 'VCCS'),
     Method('normals, VCCS divides', 'FPFH', 'VCCS', {'distance': 'pcl'}),
     Method('SuperpointGraph, CutPursuit divides', 'SuperpointGraph', 'CutPursuit'),
+    Method('SupervisedSuperpoint, CutPursuit divides', 'SupervisedSuperpoint', 'CutPursuit', {'xyz_weight': 0.2}),
 )
 
 
 class OversegScores(NamedTuple):
-    """What one method reaches on one collection in one pose; shares in [0, 1], CPU seconds and regions a scene."""
+    """What one method reaches on one scene in one pose; shares in [0, 1], CPU seconds."""
 
     data: str
     method: str
     pose: Pose
+    scene: str
     recall: float
     precision: float
     f1: float
     oracle_miou: float
     oracle_accuracy: float
-    regions: float
+    regions: int
     describe_seconds: float
     divide_seconds: float
-    scenes: int
     points: int
     settings: str
 
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """A method with the numbers that it was tuned to."""
+    """A method with the numbers that it was tuned to.
+
+    Attributes:
+        descriptor: Describes points.
+        divider: Makes the over-segmenter with some of its numbers changed.
+        counted: Name of the one that makes regions fewer as it grows.
+        tuning: Of all of them, on the tuning scenes.
+    """
 
     descriptor: Descriptor
-    oversegmenter: Oversegmenter
+    divider: Callable[[Mapping[str, float]], Oversegmenter]
+    counted: str
     tuning: Tuning
 
 
-def descriptor_table(request: Request, methods: Sequence[Method] = METHODS) -> FilledTable:
-    """Measure every method on every collection; measured collections are kept.
+def all_methods() -> tuple[Method, ...]:
+    """Region growing by each compared descriptor, and the methods that divide in their own way."""
+    names = compared_descriptors()
+    return (*(Method(name, name) for name in names), *(method for method in DIVIDED if method.descriptor in names))
 
-    Settings are tuned on the annotated labels of another scene, to one region for every 150 points; the descriptors
-    keep their presets. Seeds of region growing are not labelled points, so that geometry is measured alone.
+
+def descriptor_table(request: Request, methods: Sequence[Method] | None = None) -> FilledTable:
+    """Measure every method on every collection; what was measured is kept, method by method.
+
+    Settings are tuned on the annotated labels of another scene, to one region for every 150 points; then the value that
+    counts regions is set on each scene as scanned, without labels, so that counts are alike. Descriptors keep their
+    presets. Seeds of region growing are not labelled points, so that geometry is measured alone.
 
     Args:
         request: Its ``data`` are keys of :data:`rm3d_plugin.experiments.scenes.COLLECTIONS`; its seed draws the
             annotated labels and the turns.
-        methods: Rows.
+        methods: Rows; None: :func:`all_methods`.
 
     Raises:
         ConfigError: None of the data are there.
     """
     rows: list[OversegScores] = []
-    methods = [method for method in methods if _can_run(method, request.log)]
-    asked = scenes_asked(request, [method.title for method in methods])
+    methods = [m for m in (all_methods() if methods is None else methods) if _can_run(m, request.log)]
     for collection in load_collections(request):
-        rows += kept_rows(
-            request.out / 'measured' / f'descriptors-overseg_{collection.name}.json',
-            asked,
-            OversegScores,
-            partial(measure_collection, collection, methods, request.seed, request.log),
-        )
-        save(fill_overseg(rows, request.seed), request.out, 'descriptors-overseg')
+        for method in methods:
+            start = time.process_time()
+            slug = re.sub(r'[^A-Za-z]+', '-', method.title)
+            rows += kept_rows(
+                request.out / 'measured' / f'descriptors-overseg_{collection.name}_{slug}.json',
+                descriptor_asked(request, build_descriptor(method.descriptor, collection)),
+                OversegScores,
+                partial(measure_method, method, collection, request.seed),
+            )
+            save(fill_overseg(rows, request.seed), request.out, 'descriptors-overseg')
+            request.log(f'{collection.title}: {method.title}: {time.process_time() - start:.0f} CPU s')
     if not rows:
         raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')
     return fill_overseg(rows, request.seed)
 
 
-def measure_collection(
-    collection: Collection, methods: Sequence[Method], seed: int, log: Callable[[str], None] = print
-) -> list[OversegScores]:
-    """Tune, then measure, each method in each pose; all methods see the same labels and turns."""
+def measure_method(method: Method, collection: Collection, seed: int) -> list[OversegScores]:
+    """Tune, then measure all scenes in each pose; all methods see the same labels and turns."""
     labels = [_annotated_labels(scene, [seed, number]) for number, scene in enumerate(collection.tuning)]
-    posed = {pose: [_posed(scene, pose, seed, i) for i, scene in enumerate(collection.scenes)] for pose in POSES}
-    rows = []
-    for method in methods:
-        start = time.process_time()
-        parts = tune_method(method, collection, labels)
-        rows += [measure(method, parts, collection, posed[pose], pose) for pose in POSES]
-        spent = time.process_time() - start
-        f1 = _percent_cell([row.f1 for row in rows[-3:]]).text
-        log(f'{collection.title}: {method.title}: F1 {f1}, {spent:.0f} CPU s')
-    return rows
+    parts = tune_method(method, collection, labels)
+    scenes = enumerate(collection.scenes)
+    return [row for number, scene in scenes for row in measure(method, parts, collection, scene, [seed, number])]
 
 
 def tune_method(method: Method, collection: Collection, labels: Sequence[Int[np.ndarray, ' _points']]) -> Parts:
     """Find the settings of a method that give the wanted number of regions with the least conflicts."""
-    options = collection.options
-    descriptor = build_part(DESCRIPTORS, method.descriptor, collection.preset, options.get(method.descriptor, {}))
+    descriptor = build_descriptor(method.descriptor, collection)
     clouds = [scene.cloud for scene in collection.tuning]
     described = [descriptor.compute(cloud) for cloud in clouds]
     target = max(1, round(sum(map(len, clouds)) / POINTS_PER_REGION))
@@ -169,38 +173,57 @@ def tune_method(method: Method, collection: Collection, labels: Sequence[Int[np.
         tuning = tune_options(score_of, 'seed_size', SIZES[collection.preset], target, steps=STEPS)
     else:
         tuning = tune_options(score_of, 'regularization', PRICES, target, steps=STEPS)
-    return Parts(descriptor, build(tuning.options), tuning)
+    return Parts(descriptor, build, COUNTED[method.oversegmenter], tuning)
 
 
-def measure(method: Method, parts: Parts, collection: Collection, clouds: Sequence[Any], pose: Pose) -> OversegScores:
-    """Describe, divide and score all scenes of a collection in one pose, on the graph of the scenes as scanned."""
-    counts: list[BoundaryCounts] = []
-    describing = dividing = 0.0
-    for scene, cloud in zip(collection.scenes, clouds, strict=True):
+def measure(
+    method: Method, parts: Parts, collection: Collection, scene: TableScene, seed: Sequence[int]
+) -> Iterator[OversegScores]:
+    """Describe, divide and score a scene in each pose, on the graph of the scene as scanned."""
+    options: Mapping[str, float] = parts.tuning.options
+    for pose in POSES:
+        cloud = posed(scene.cloud, pose, seed)
         start = time.process_time()
         described = parts.descriptor.compute(cloud)
-        middle = time.process_time()
-        regions = parts.oversegmenter.partition(cloud, described)
-        describing, dividing = describing + middle - start, dividing + time.process_time() - middle
-        counts.append(boundary_counts(scene.cloud.xyz, scene.semantic, regions, collection.classes, scene.objects))
-    scores, number = scores_of(reduce(add, counts)), len(collection.scenes)
-    settings = ', '.join(f'{name} {value:.3g}' for name, value in parts.tuning.options.items())
-    points = sum(len(scene.cloud) for scene in collection.scenes)
-    return OversegScores(
-        collection.title, method.title, pose, scores.recall, scores.precision, scores.f1, scores.oracle_miou,
-        scores.oracle_accuracy, scores.regions / number, describing / number, dividing / number, number, points,
-        settings,
-    )  # fmt: skip
+        describing = time.process_time() - start
+        if pose == 'original':
+            options = options_for(parts, scene, described)
+        start = time.process_time()
+        regions = parts.divider(options).partition(cloud, described)
+        dividing = time.process_time() - start
+        found = boundary_scores(scene.cloud.xyz, scene.semantic, regions, collection.classes, scene.objects)
+        settings = ', '.join(f'{name} {value:.3g}' for name, value in options.items())
+        yield OversegScores(
+            collection.title, method.title, pose, scene.name, found.recall, found.precision, found.f1,
+            found.oracle_miou, found.oracle_accuracy, found.regions, describing, dividing, len(cloud), settings,
+        )  # fmt: skip
+
+
+def options_for(parts: Parts, scene: TableScene, described: Descriptors) -> dict[str, float]:
+    """The tuned options, the counted one set so that the scene has one region for 150 points, or nearly so."""
+    target = max(1, round(len(scene.cloud) / POINTS_PER_REGION))
+    tuned, counts = parts.tuning.options, dict[float, int]()
+
+    def regions_at(value: float) -> int:
+        divided = parts.divider({**tuned, parts.counted: value}).partition(scene.cloud, described)
+        counts[value] = len(np.unique(divided[divided >= 0]))
+        return counts[value]
+
+    middle = tuned[parts.counted]
+    bisect_count(regions_at, middle / NEARBY, middle * NEARBY, target, STEPS)
+    nearest = min(counts, key=lambda value: abs(np.log(max(counts[value], 1) / target)))
+    return {**tuned, parts.counted: nearest}
 
 
 def fill_overseg(rows: Sequence[OversegScores], seed: int) -> FilledTable:
     """A section a collection; cells hold original / turned about z / turned freely, in percent."""
     return FilledTable(
-        title='Regions by descriptor, in percent: as scanned / turned about z / turned about a random axis',
+        title=f'Regions by descriptor, in percent: {HEADING}',
         notes=(
-            f'Turned by 0 to 180 degrees; seed {seed}. Boundaries on the 5-nn graph, one edge off allowed.',
-            f'Tuned on the annotated labels ({LABELLED_PERCENT} %) of another scene to one region for '
-            f'{POINTS_PER_REGION} points.',
+            f'Mean ± standard deviation over the scenes. Turned by 0 to 180 degrees; seed {seed}. Boundaries on the '
+            '5-nn graph, one edge off allowed.',
+            f'Tuned on the annotated labels ({LABELLED_PERCENT} %) of another scene; on each scene as scanned to one '
+            f'region for {POINTS_PER_REGION} points.',
             'CPU seconds of a scene as scanned: describe + divide.',
         ),
         sections=tuple(_section(data, rows) for data in dict.fromkeys(row.data for row in rows)),
@@ -211,9 +234,10 @@ def fill_overseg(rows: Sequence[OversegScores], seed: int) -> FilledTable:
 
 def _section(data: str, rows: Sequence[OversegScores]) -> Section:
     own = [row for row in rows if row.data == data]
+    points = {row.scene: row.points for row in own}
     return Section(
-        title=f'{data}: {own[0].scenes} scenes, {own[0].points} points',
-        columns=('descriptor', 'recall', 'precision', 'F1', 'oracle mIoU', 'regions', 'CPU s', 'settings'),
+        title=f'{data}: {len(points)} scenes, {sum(points.values())} points',
+        columns=('descriptor', 'recall', 'precision', 'F1', 'oracle mIoU', 'regions', 'CPU s'),
         rows=tuple(
             NamedRow(method, _cells([row for row in own if row.method == method]))
             for method in dict.fromkeys(row.method for row in own)
@@ -221,17 +245,19 @@ def _section(data: str, rows: Sequence[OversegScores]) -> Section:
     )
 
 
-def _cells(poses: Sequence[OversegScores]) -> tuple[Cell, ...]:
-    """Cells of one method, whose rows are its poses."""
-    scores = [
-        _percent_cell([getattr(row, name) for row in poses]) for name in ('recall', 'precision', 'f1', 'oracle_miou')
-    ]
-    regions = Cell(' / '.join(f'{row.regions:.0f}' for row in poses), tuple(row.regions for row in poses))
-    seconds = Cell(
-        f'{poses[0].describe_seconds:.2f} + {poses[0].divide_seconds:.2f}',
-        (poses[0].describe_seconds, poses[0].divide_seconds),
+def _cells(rows: Sequence[OversegScores]) -> tuple[Cell, ...]:
+    """Cells of one method, whose rows are the scenes in each pose."""
+    scanned = [row for row in rows if row.pose == 'original']
+    seconds = [float(np.mean([getattr(row, f'{part}_seconds') for row in scanned])) for part in ('describe', 'divide')]
+    return (
+        *(pose_cell(_by_pose(rows, name, 100)) for name in SCORES),
+        pose_cell(_by_pose(rows, 'regions'), '.0f'),
+        Cell(' + '.join(f'{part:.2f}' for part in seconds), tuple(seconds)),
     )
-    return (*scores, regions, seconds, Cell(poses[0].settings))
+
+
+def _by_pose(rows: Sequence[OversegScores], name: str, factor: float = 1) -> dict[Pose, list[float]]:
+    return {pose: [factor * getattr(row, name) for row in rows if row.pose == pose] for pose in POSES}
 
 
 def _fixed_options(method: Method, collection: Collection) -> dict[str, Any]:
@@ -263,24 +289,12 @@ def _annotated_labels(scene: TableScene, seed: Sequence[int]) -> Int[np.ndarray,
     return labels
 
 
-def _posed(scene: TableScene, pose: Pose, seed: int, number: int) -> Any:
-    if pose == 'original':
-        return scene.cloud
-    rng = np.random.default_rng([seed, number, POSES.index(pose)])
-    return turned(scene.cloud, random_turn(pose, rng))
-
-
-def _percent_cell(shares: Sequence[float]) -> Cell:
-    percent = tuple(100 * share for share in shares)
-    return Cell(' / '.join(f'{value:.1f}' for value in percent), percent)
-
-
 def _panels(rows: Sequence[OversegScores]) -> list[BarPanel]:
-    titles = {'original': 'as scanned', 'z': 'turned about z', 'so3': 'turned about a random axis'}
     panels = []
     for data in dict.fromkeys(row.data for row in rows):
         own = [row for row in rows if row.data == data]
         names = list(dict.fromkeys(row.method for row in own))
-        bars = {titles[pose]: [100 * row.f1 for row in own if row.pose == pose] for pose in POSES}
+        found = [_by_pose([row for row in own if row.method == name], 'f1', 100) for name in names]
+        bars = {TITLES[pose]: [float(np.mean(values[pose])) for values in found] for pose in POSES}
         panels.append(BarPanel(data, names, bars))
     return panels

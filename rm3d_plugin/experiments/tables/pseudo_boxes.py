@@ -28,7 +28,7 @@ HEADS = ('pseudo boxes', 'right', 'hidden')
 
 
 class Rule(NamedTuple):
-    """How labels are made from predictions: fields of the label maker that differ, and whether scenes are seen twice."""
+    """How labels are made: fields of the label maker that differ, and whether scenes are seen twice."""
 
     fields: Mapping[str, Any]
     mirror: bool = True

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -10,24 +10,21 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.descriptors import Descriptor, cosine_similarity
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.experiments.kept import kept_rows, scenes_asked
+from rm3d_plugin.experiments.compared_descriptors import build_descriptor, compared_descriptors
+from rm3d_plugin.experiments.kept import descriptor_asked, kept_rows
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
 from rm3d_plugin.experiments.scenes import (
     Collection,
-    TableScene,
     described_surface,
     load_collections,
     turn_about,
     turned,
 )
 from rm3d_plugin.experiments.spec import Request
-from rm3d_plugin.inference.oversegment import build_part
-from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import Descriptors, PointCloud
 from rm3d_plugin.visualization.tables import LinePanel, draw_lines
 
 Kind = Literal['turn about z', 'tilt', 'points dropped', 'noise']
-NAMES = ('VisualSimilarity', 'HKS', 'SIHKS', 'FPFH', 'WKS', 'SHOT', 'VCCS', 'SuperpointGraph', 'PFH', 'AdaptedPFH')
 LEVELS: dict[Kind, tuple[float, ...]] = {
     'turn about z': (20.0, 60.0, 180.0),
     'tilt': (20.0, 60.0, 180.0),
@@ -147,59 +144,85 @@ def compare(
     )
 
 
-def robustness_table(request: Request, names: Sequence[str] = NAMES) -> FilledTable:
-    """Measure every descriptor with its preset; measured collections are kept.
+class Change(NamedTuple):
+    """One change of one scene; every descriptor sees the same ones.
+
+    Attributes:
+        kind: Of change.
+        level: In the unit of the kind.
+        scene: Number of the scene in its collection.
+        before: The scene.
+        after: What became of it.
+    """
+
+    kind: Kind
+    level: float
+    scene: int
+    before: PointCloud
+    after: Changed
+
+
+def robustness_table(request: Request, names: Sequence[str] | None = None) -> FilledTable:
+    """Measure every descriptor with its preset; what was measured is kept, descriptor by descriptor.
 
     Args:
         request: Its ``data`` are keys of :data:`rm3d_plugin.experiments.scenes.COLLECTIONS`; its seed draws what is
             dropped, the noise and the compared points.
-        names: Descriptors.
+        names: Descriptors; None: all that are compared.
 
     Raises:
         ConfigError: None of the data are there.
     """
     rows: list[CardRow] = []
     for collection in load_collections(request):
-        rows += kept_rows(
-            request.out / 'measured' / f'robustness-card_{collection.name}.json',
-            scenes_asked(request, names),
-            CardRow,
-            partial(measure_card, collection, names, request.seed, request.log),
-        )
-        save(fill_card(rows, request.seed), request.out, 'robustness-card')
+        changes = cache(partial(change_scenes, collection, request.seed))
+        for name in compared_descriptors() if names is None else names:
+            part = build_descriptor(name, collection)
+            rows += kept_rows(
+                request.out / 'measured' / f'robustness-card_{collection.name}_{name}.json',
+                descriptor_asked(request, part),
+                CardRow,
+                partial(measure_card, name, part, collection.title, changes, request.seed),
+            )
+            save(fill_card(rows, request.seed), request.out, 'robustness-card')
+            request.log(f'{collection.title}: {name} done')
     if not rows:
         raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')
     return fill_card(rows, request.seed)
 
 
-def measure_card(
-    collection: Collection, names: Sequence[str], seed: int, log: Callable[[str], None] = print
-) -> list[CardRow]:
-    """All descriptors under all changes of the scenes of one collection; every descriptor sees the same ones."""
-    parts: dict[str, Descriptor] = {
-        name: build_part(DESCRIPTORS, name, collection.preset, collection.options.get(name, {})) for name in names
-    }
-    found: dict[tuple[str, Kind, float], list[Similarity]] = {}
+def change_scenes(collection: Collection, seed: int) -> list[Change]:
+    """Every change of every scene of a collection, scene by scene."""
+    out = []
     for number, scene in enumerate(collection.scenes):
-        _measure_scene(scene, parts, [seed, number], found)
-        log(f'{collection.title}: {scene.name} done')
-    order = [(name, kind, level) for name in names for kind, levels in LEVELS.items() for level in levels]
-    return [_summary(collection.title, *key, found[key]) for key in order]
+        for i, kind in enumerate(get_args(Kind)):
+            for level in LEVELS[kind]:
+                rng = np.random.default_rng([seed, number, i, int(level)])
+                out.append(Change(kind, level, number, scene.cloud, change_scene(scene.cloud, kind, level, rng)))
+    return out
 
 
-def _measure_scene(
-    scene: TableScene,
-    parts: dict[str, Descriptor],
-    seed: Sequence[int],
-    found: dict[tuple[str, Kind, float], list[Similarity]],
-) -> None:
-    before = {name: part.compute(scene.cloud) for name, part in parts.items()}
-    for i, kind in enumerate(get_args(Kind)):
-        for level in LEVELS[kind]:
-            changed = change_scene(scene.cloud, kind, level, np.random.default_rng([*seed, i, int(level)]))
-            for name, part in parts.items():
-                similarity = compare(before[name], part.compute(changed.cloud), changed.rows, [*seed, i])
-                found.setdefault((name, kind, level), []).append(similarity)
+def measure_card(
+    name: str, part: Descriptor, data: str, changes: Callable[[], Sequence[Change]], seed: int
+) -> list[CardRow]:
+    """A descriptor under all changes; the scenes of a collection are taken together.
+
+    Args:
+        name: Type name of the descriptor.
+        part: The descriptor.
+        data: Title of the collection.
+        changes: Makes the changes, or hands them out anew.
+        seed: Draws the compared points.
+    """
+    found: dict[tuple[Kind, float], list[Similarity]] = {}
+    before: dict[int, Descriptors] = {}
+    for change in changes():
+        if change.scene not in before:
+            before = {change.scene: part.compute(change.before)}
+        drawn = [seed, change.scene, get_args(Kind).index(change.kind)]
+        similarity = compare(before[change.scene], part.compute(change.after.cloud), change.after.rows, drawn)
+        found.setdefault((change.kind, change.level), []).append(similarity)
+    return [_summary(data, name, *key, scenes) for key, scenes in found.items()]
 
 
 def _summary(data: str, name: str, kind: Kind, level: float, scenes: Sequence[Similarity]) -> CardRow:

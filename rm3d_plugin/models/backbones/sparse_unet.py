@@ -1,6 +1,6 @@
 """Sparse U-Net (METHOD 7): per-point features from voxels, by submanifold convolutions."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from typing import Literal, cast
@@ -17,6 +17,9 @@ from rm3d_plugin.ops._backends import Backend, check_backend
 from rm3d_plugin.ops.level_cache import LevelCache
 from rm3d_plugin.ops.voxelize import gather_rows, voxelize
 from rm3d_plugin.registry import MODELS
+
+Bottleneck = Callable[[SparseFeatures], SparseFeatures]
+"""What is done to the features of the coarsest level, on their voxels."""
 
 PRESETS: dict[str, tuple[int, ...]] = {
     'small': (16, 32, 48, 64),
@@ -51,6 +54,8 @@ class SparseUNet(BaseModule):
 
     Attributes:
         out_channels: Columns of the output, the width of the finest level.
+        coarse_channels: Width of the coarsest level.
+        reach: How far, along an axis, lie voxels that change what is said of one in evaluation, in voxels.
     """
 
     def __init__(
@@ -82,6 +87,8 @@ class SparseUNet(BaseModule):
         self.voxel_size = voxel_size
         self.reduce: Literal['mean', 'first'] = reduce
         self.out_channels = widths[0]
+        self.coarse_channels = widths[-1]
+        self.reach = _reach(len(widths), blocks)
         self.stem = SparseConv(in_channels, widths[0])
         self.body = _Stage(widths, blocks, bn_eps, bn_momentum, checkpointing)
         self.norm = NormReLU(widths[0], bn_eps, bn_momentum)
@@ -95,6 +102,7 @@ class SparseUNet(BaseModule):
         xyz: Float[Tensor, 'points 3'],
         features: Float[Tensor, 'points in_channels'],
         batch_offsets: Int64[Tensor, 'scenes_plus_1'],
+        bottleneck: Bottleneck | None = None,
     ) -> Float[Tensor, 'points out_channels']:
         """Features of every point, equal for the points of one voxel.
 
@@ -102,6 +110,7 @@ class SparseUNet(BaseModule):
             xyz: Metres, each scene in its local frame.
             features: Columns such as colour and coordinates.
             batch_offsets: Scene ``b`` owns rows ``batch_offsets[b]`` to ``batch_offsets[b + 1]``; some may be empty.
+            bottleneck: Applied between the coarsest level and the way back.
 
         Raises:
             ValueError: If the batch holds no point at all, or a coordinate leaves the range of ``voxelize``.
@@ -110,8 +119,15 @@ class SparseUNet(BaseModule):
             raise ValueError('SparseUNet got a batch without any point; leave such batches out in the data loader')
         voxels = voxelize(xyz, features, batch_offsets, self.voxel_size, self.reduce)
         hidden = self.stem(SparseFeatures(voxels.features, self.levels(voxels.coords)))
-        hidden = self.body(hidden)
+        hidden = self.body(hidden, bottleneck)
         return gather_rows(self.norm(hidden.values), voxels.point_to_voxel)
+
+
+def _reach(levels: int, blocks: int) -> int:
+    """Voxels: the stem sees 1, a block of level l twice 2^l, and a step down or up another 2^l."""
+    coarsest = levels - 1
+    both_sides = sum(2**level * (4 * blocks + 1) for level in range(coarsest))
+    return 1 + both_sides + 2**coarsest * 2 * blocks
 
 
 class _Stage(nn.Module):
@@ -136,12 +152,12 @@ class _Stage(nn.Module):
                 [ResidualBlock(width * (2 if i == 0 else 1), width, bn_eps, bn_momentum) for i in range(blocks)]
             )
 
-    def forward(self, inputs: SparseFeatures) -> SparseFeatures:
+    def forward(self, inputs: SparseFeatures, bottleneck: Bottleneck | None = None) -> SparseFeatures:
         skip = self._run(self.encode, inputs)
         if self.inner is None:
-            return skip
+            return skip if bottleneck is None else bottleneck(skip)
         hidden = self.down(skip._replace(values=self.down_norm(skip.values)))
-        hidden = self.inner(hidden)
+        hidden = self.inner(hidden, bottleneck)
         hidden = self.up(hidden._replace(values=self.up_norm(hidden.values)), skip.level)
         joined = skip._replace(values=torch.cat([skip.values, hidden.values], dim=1))
         return self._run(self.decode, joined)

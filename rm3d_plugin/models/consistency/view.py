@@ -18,7 +18,7 @@ class View:
     Args:
         points: (m, D) as the points of the first view.
         batch_offsets: (B + 1,) rows of the scenes among them; a scene may have none.
-        point_ids: (m,) the row of the first view's points that each is.
+        point_ids: (m,) the row of the first view's points that each is, -1: of none (crops of a scan).
         encode: ``(points, batch_offsets) -> features``; leaves the running statistics alone.
         classify: Features of points -> logits.
     """

@@ -6,12 +6,16 @@ tensors and know no model. A :class:`LossTerm` says what of a batch they compare
 
 from rm3d_plugin.models.losses.aug_loss import JSAugLoss, MSEAugLoss, js_aug_loss, js_divergence, mse_aug_loss
 from rm3d_plugin.models.losses.box_overlap import BoxOverlap, overlap_loss
+from rm3d_plugin.models.losses.circle import balanced_bce, circle_loss
 from rm3d_plugin.models.losses.class_prototypes import ClassPrototypes, even_assignment, prototype_loss
+from rm3d_plugin.models.losses.descriptor_contrast import hardest_contrastive_loss, pair_loss, triplet_loss
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
 from rm3d_plugin.models.losses.instance_dice import InstanceDice
 from rm3d_plugin.models.losses.instance_offsets import InstanceOffsets
 from rm3d_plugin.models.losses.loss_term import LossTerm
 from rm3d_plugin.models.losses.offset_loss import OffsetLoss, offset_loss
+from rm3d_plugin.models.losses.pair_circle import PairCircle
+from rm3d_plugin.models.losses.pair_contrast import PairContrast
 from rm3d_plugin.models.losses.point_cross_entropy import PointCrossEntropyLoss, class_weights, point_cross_entropy
 from rm3d_plugin.models.losses.proposal_dice import ProposalDice
 from rm3d_plugin.models.losses.reduction import ReducedLoss, Reduction, reduce_loss
@@ -31,6 +35,8 @@ __all__ = [
     'LossTerm',
     'MSEAugLoss',
     'OffsetLoss',
+    'PairCircle',
+    'PairContrast',
     'PointCrossEntropyLoss',
     'ProposalDice',
     'ReducedLoss',
@@ -40,16 +46,21 @@ __all__ = [
     'ViewConsistency',
     'VoteNetLoss',
     'WeakSupervision',
+    'balanced_bce',
+    'circle_loss',
     'class_weights',
     'dice_loss',
     'even_assignment',
+    'hardest_contrastive_loss',
     'js_aug_loss',
     'js_divergence',
     'mse_aug_loss',
     'offset_loss',
     'overlap_loss',
+    'pair_loss',
     'point_cross_entropy',
     'prototype_loss',
     'reduce_loss',
     'scene_class_loss',
+    'triplet_loss',
 ]

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rm3d_plugin import registry
-from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.user_error import ConfigError
 
 OWN = tuple(part for part in vars(registry).values() if isinstance(part, registry.PartRegistry))
 

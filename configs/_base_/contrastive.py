@@ -1,0 +1,14 @@
+# The paper's own descriptor: a sparse U-Net and the triplet loss. contrast = 'pair' is L_C, 'hardest' that of FCGF.
+_base_ = './pairs.py'
+contrast = 'triplet'
+num_pairs = 1024  # places of a batch that are compared
+negative_distance = 16.0  # voxels, about 1 m in a room; METHOD 3
+model = dict(
+    type='DescriptorNetwork',
+    backbone='${backbone}',
+    channels='${channels}',
+    losses=['${contrast_loss}'],
+)
+contrast_loss = dict(
+    type='PairContrast', contrast='${contrast}', num_pairs='${num_pairs}', negative_distance='${negative_distance}'
+)

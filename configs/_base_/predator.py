@@ -1,0 +1,11 @@
+# Predator: the sparse U-Net with overlap attention; circle, overlap and saliency losses. Lengths in voxels.
+_base_ = './pairs.py'
+model = dict(
+    type='PredatorNetwork',
+    backbone='${backbone}',
+    channels='${channels}',
+    attention=dict(channels='${attention_channels}'),
+    losses=[dict(type='PairCircle', num_pairs='${num_pairs}')],
+)
+attention_channels = 64  # 256 in the publication
+num_pairs = 256  # places of a batch that are compared; METHOD 3

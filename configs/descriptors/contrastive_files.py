@@ -1,0 +1,7 @@
+# Contrastive descriptor, from your own scans, without labels; no demo.
+# Run: rm3d train contrastive_files --cfg-options data_root=FOLDER
+# Time: not measured.
+# Score on your scans: there is none without labels; `matched` in the log tells how many places are found again.
+_base_ = '../_base_/contrastive.py'
+data = 'files'
+data_root = 'data/scans'

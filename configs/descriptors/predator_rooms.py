@@ -1,0 +1,6 @@
+# Predator, from the rooms of ScanNet, without labels.
+# Run: rm3d train predator_rooms [--demo]
+# Time: not measured.
+# Score on ScanNet: not measured (the data set is not part of the repository).
+_base_ = '../_base_/predator.py'
+data = 'rooms'

@@ -1,0 +1,26 @@
+"""Predator as a descriptor: each part of a cloud is its own other crop (METHOD 3, Predator)."""
+
+from typing import final
+
+from rm3d_plugin.descriptors.learned.base import LearnedDescriptor
+from rm3d_plugin.ops.sites import Sites, voxel_sites
+from rm3d_plugin.registry import DESCRIPTORS
+from rm3d_plugin.structures import PointCloud
+
+
+@final
+@DESCRIPTORS.register_module()
+class Predator(LearnedDescriptor):
+    """Unit vectors of a sparse U-Net with overlap attention (Huang et al., CVPR 2021).
+
+    Trained without labels by ``rm3d train predator_rooms`` or ``predator_streets``. The cubes in which a cloud is
+    described are part of the descriptor and begin at its least coordinates; ``max_sites`` changes nothing. The
+    arguments are those of :class:`LearnedDescriptor`.
+    """
+
+    network_type = 'PredatorNetwork'
+    blocks = True
+
+    def sites(self, cloud: PointCloud) -> Sites:
+        """The voxels of the cloud."""
+        return voxel_sites(cloud.xyz, self.voxel_size)

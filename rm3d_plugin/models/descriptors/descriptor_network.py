@@ -1,0 +1,94 @@
+"""A backbone whose features are unit vectors: alike where two scans show the same place."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, final
+
+from jaxtyping import Float
+from mmengine.structures import BaseDataElement
+from torch import Tensor, nn
+from torch.nn.functional import normalize
+
+from rm3d_plugin.models.batch import Batch
+from rm3d_plugin.models.point_model import LossConfigs, PointModel
+from rm3d_plugin.ops.sites import CHANNELS
+from rm3d_plugin.registry import MODELS
+from rm3d_plugin.structures import LabelStatistics
+
+
+class DescriptorOutput(NamedTuple):
+    """What a descriptor network says of a batch.
+
+    Attributes:
+        features: (N, F) unit vectors.
+    """
+
+    features: Float[Tensor, 'points channels']
+
+
+@MODELS.register_module()
+@final
+class DescriptorNetwork(PointModel):
+    """Backbone, a linear layer, unit length.
+
+    It learns from pairs of crops (``CropPairs``, then ``VoxelUnits``): the losses compare ``outputs.features`` with the
+    features of the view. There are no labels. Places are in voxels, so the backbone has ``voxel_size=1``.
+
+    Args:
+        backbone: Config of a backbone that knows how far it sees (``reach``).
+        channels: Values of a descriptor.
+        in_channels: Inputs of a site.
+        losses: Configs of loss terms that read ``features`` and the views.
+        data_preprocessor: As for :class:`PointModel`.
+        init_cfg: As in mmengine.
+    """
+
+    def __init__(
+        self,
+        backbone: dict[str, Any],
+        channels: int = 32,
+        in_channels: int = CHANNELS,
+        losses: LossConfigs = (),
+        data_preprocessor: dict[str, Any] | None = None,
+        init_cfg: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__(backbone, in_channels, data_preprocessor, init_cfg)
+        self.projection = nn.Linear(self.backbone.out_channels, channels)
+        self.add_losses(losses, set(DescriptorOutput._fields))
+
+    @property
+    def reach(self) -> float:
+        """How far, along an axis, lie sites that change what is said of one; voxels."""
+        return float(self.backbone.reach)
+
+    def describe(self, points: Tensor, batch_offsets: Tensor) -> Float[Tensor, 'points channels']:
+        """Descriptors of the sites of scenes: places, then inputs."""
+        return self.encode(points, batch_offsets)
+
+    def encode(self, points: Tensor, batch_offsets: Tensor) -> Float[Tensor, 'points channels']:
+        """Unit vectors."""
+        features = self.backbone(points[:, :3].contiguous(), points[:, 3:].contiguous(), batch_offsets)
+        return normalize(self.projection(features), dim=1)
+
+    def classify(self, features: Tensor) -> Tensor:
+        """Refused: no loss of classes fits a network that knows none.
+
+        Raises:
+            TypeError: Always.
+        """
+        raise TypeError('DescriptorNetwork: says no classes; its losses read features')
+
+    def network(self, batch: Batch) -> DescriptorOutput:
+        """Describe the first crops."""
+        return DescriptorOutput(self.encode(batch.points, batch.batch_offsets))
+
+    def labels(self, samples: Sequence[BaseDataElement], batch: Batch, outputs: DescriptorOutput) -> None:
+        """None: pairs teach, not labels."""
+
+    def predict(self, batch: Batch, samples: list[BaseDataElement]) -> None:
+        """Fill in ``pred_descriptors`` (n, F)."""
+        features = self.network(batch).features.cpu()
+        for sample, rows in zip(samples, features.split(batch.sizes), strict=True):
+            sample.set_data({'pred_descriptors': rows})
+
+    def set_label_statistics(self, statistics: LabelStatistics) -> None:
+        """Nothing to be told: there are no labels."""

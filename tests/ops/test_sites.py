@@ -1,0 +1,75 @@
+"""Units from the data: the distance between points, and one site a voxel of that size."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rm3d_plugin.ops.scan_scale import scan_spacing
+from rm3d_plugin.ops.sites import CHANNELS, VOXEL, voxel_sites
+
+
+@pytest.fixture
+def rng():
+    """A generator of its own for each test."""
+    return np.random.default_rng(7)
+
+
+def plane(side, spacing=1.0):
+    """A square of points, ``spacing`` apart."""
+    x, y = np.meshgrid(np.arange(side) * spacing, np.arange(side) * spacing)
+    return np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=1)
+
+
+@given(st.floats(0.01, 5.0))
+@settings(deadline=None, max_examples=8)
+def test_the_distance_between_points_is_found_and_scales_with_the_scan(spacing):
+    found = scan_spacing(plane(30, spacing))
+    assert found == pytest.approx(spacing, rel=0.1)
+    assert found == pytest.approx(spacing * scan_spacing(plane(30)), rel=1e-6)
+
+
+def test_a_random_subset_of_half_the_points_is_root_two_coarser(rng):
+    points = rng.uniform(0, 10, (8000, 3)) * [1, 1, 0]
+    assert scan_spacing(points[:4000]) / scan_spacing(points) == pytest.approx(np.sqrt(2), rel=0.05)
+
+
+@pytest.mark.parametrize('points', [np.zeros((0, 3)), np.zeros((1, 3)), np.zeros((5, 3))])
+def test_no_distance_where_all_points_share_a_place(points):
+    assert scan_spacing(points) == 0.0
+    sites = voxel_sites(points)
+    assert not sites.valid.any() and len(sites.rows) == len(points) and sites.inputs.shape[1] == CHANNELS
+
+
+def test_sites_by_hand():
+    points = np.array([[0.2, 0.0, 0.0], [0.9, 0.0, 0.0], [1.3, 0.0, 0.0], [0.2, 2.5, 0.0]])
+    sites = voxel_sites(points, 1.0)  # from the least corner (0.2, 0, 0): x 0, 0.7 and 1.1
+    assert sites.rows.tolist() == [0, 0, 2, 1]
+    assert (sites.places - sites.places[0]).tolist() == [[0, 0, 0], [0, 2, 0], [1, 0, 0]]
+    assert sites.unit == 1.0 and not sites.valid.any(), 'three sites make no patch'
+
+
+def test_a_patch_far_from_everything_is_not_described(rng):
+    dense = rng.uniform(0, 8, (3000, 3)) * [1, 1, 0.1]
+    sites = voxel_sites(np.concatenate([dense, [[500.0, 0.0, 0.0]]]), 0.5)
+    assert not sites.valid[sites.rows[-1]] and sites.valid[sites.rows[:-1]].all()
+
+
+def test_the_voxel_is_as_wide_as_the_density_says():
+    points = plane(40, 0.1)
+    assert voxel_sites(points).unit == pytest.approx(VOXEL * scan_spacing(points))
+
+
+def test_order_and_place_of_a_scan_change_nothing(rng):
+    points = rng.uniform(0, 6, (2000, 3)) * [1, 1, 0.2]
+    sites, order = voxel_sites(points), rng.permutation(2000)
+    turned, moved = voxel_sites(points[order]), voxel_sites(points + [64.0, -32.0, 8.0])
+    assert np.array_equal(turned.rows, sites.rows[order]) and np.array_equal(turned.places, sites.places)
+    np.testing.assert_allclose(turned.inputs, sites.inputs, atol=1e-5)
+    assert np.array_equal(moved.rows, sites.rows)
+    np.testing.assert_allclose(moved.inputs, sites.inputs, atol=1e-4)
+
+
+def test_a_stray_point_far_away_does_not_widen_the_grid():
+    points = np.concatenate([plane(30, 0.1), [[1e6, 0.0, 0.0]]])
+    assert voxel_sites(points, 0.1).places.max() < 100
