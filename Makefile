@@ -6,7 +6,7 @@ STAMP := $(VENV)/.ready
 WORKERS ?= 2
 DEMO := rm3d_votenet_kitti_1pct
 
-.PHONY: setup demo annotate test fuzz faults mmdet3d lint types layers bench docs clean
+.PHONY: setup demo annotate test fuzz faults mmdet3d lint types layers bench docs dist try-dist clean
 
 setup: $(STAMP)
 
@@ -61,5 +61,19 @@ bench: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/mkdocs build --strict
 
+# Wheel and sdist; the wheel is built from the sdist, so that the sdist is whole.
+dist: $(STAMP)
+	rm -rf dist build
+	$(BIN)/python setup.py --quiet sdist
+	$(BIN)/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist dist/*.tar.gz
+	ls -l dist
+
+# The wheel in an environment of its own: make try-dist PYTHON=python3.13
+try-dist: dist
+	rm -rf build/try && $(PYTHON) -m venv build/try
+	build/try/bin/pip install --quiet "$$(ls dist/*.whl)[standalone]"
+	cd build/try && bin/rm3d info && bin/rm3d train rm3d_sem_scannet_0p2pct --demo --work-dir run --cfg-options \
+	  demo_data.num_train=2 demo_data.num_val=1 rounds=2 sigma=1 'widths=[8,16]' voxel_size=0.2 crop_points=4000
+
 clean:
-	rm -rf $(VENV) .venv-mmdet3d build site *.egg-info
+	rm -rf $(VENV) .venv-mmdet3d build dist site *.egg-info

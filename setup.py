@@ -9,7 +9,7 @@ CONFIGS = ['rm3d_plugin.configs', *(f'rm3d_plugin.configs.{name}' for name in fi
 
 setup(
     name='rm3d_plugin',
-    version='0.1.0',
+    version='0.2.0',
     description='3D scene parsing from almost no labels: region merging with 3D descriptors, as an mmengine plug-in',
     long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
@@ -19,6 +19,7 @@ setup(
     package_dir={'rm3d_plugin.configs': 'configs'},  # `rm3d_plugin::NAME.py` needs no checkout
     package_data={
         'rm3d_plugin': ['py.typed', 'baselines/*/README.md'],
+        'rm3d_plugin.experiments': ['paper_tables/*.csv'],
         'rm3d_plugin.experiments.benchmarks': ['*.cpp'],
         'rm3d_plugin.descriptors.learned': ['weights/*.npz', 'weights/*.md'],
     },

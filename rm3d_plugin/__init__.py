@@ -17,7 +17,7 @@ import importlib
 import importlib.util
 from typing import TYPE_CHECKING, Any
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'
 
 for _module in ('mmengine', 'cv2'):  # of several packages with the same files; a project has its own
     if importlib.util.find_spec(_module) is None:

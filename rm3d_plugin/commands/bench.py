@@ -12,6 +12,7 @@ from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.experiments.benchmarks import (
     annotate_page,
     clicks_to_quality,
+    cost_model,
     descriptors,
     first_call,
     large_scene,
@@ -31,6 +32,7 @@ BENCHMARKS = (
     *regions.ALL,
     prepare,
     large_scene,
+    cost_model,
     first_call,
     propagate_clicks,
     clicks_to_quality,

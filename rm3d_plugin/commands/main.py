@@ -23,6 +23,7 @@ NAMES = (
     'inspect_merges',
     'reproduce',
     'bench',
+    'info',
 )
 
 

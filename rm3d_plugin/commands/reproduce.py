@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.experiments import FORMATS, TABLES, Request, list_tables, make_table, to_format
+from rm3d_plugin.experiments import FORMATS, TABLES, Request, list_tables, make_all, make_table, to_format
 from rm3d_plugin.experiments.scenes import COLLECTIONS
 
 
@@ -28,8 +28,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(list_tables(request))
     elif args.table is None:
         raise ConfigError('reproduce: name a table; --list shows them')
+    elif args.table == 'all':
+        print(make_all(request, minutes=args.budget_minutes), end='')
     else:
-        table = make_table(args.table, request)
+        table = make_table(args.table, request, minutes=args.budget_minutes)
         if args.format == 'png':
             print(request.out / f'{args.table}.png')
         else:
@@ -38,7 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='rm3d reproduce', description=__doc__)
-    parser.add_argument('table', nargs='?', choices=sorted(TABLES), help='its name; --list tells what each shows')
+    parser.add_argument(
+        'table', nargs='?', choices=[*sorted(TABLES), 'all'], help='its name, or all; --list tells what each shows'
+    )
     parser.add_argument('--list', action='store_true', help='list the tables, and how many runs each trains')
     parser.add_argument('--out', type=Path, help='folder of the results; default work_dirs/reproduce/TABLE')
     parser.add_argument('--format', choices=FORMATS, default='md', help='what to print; all are written; default md')
@@ -46,6 +50,11 @@ def _parser() -> argparse.ArgumentParser:
     training.add_argument('--seeds', type=whole(0), nargs='+', default=[0, 1, 2], help='one run a seed; default 0 1 2')
     training.add_argument('--jobs', type=whole(), default=1, help='runs at the same time, one thread each; default 1')
     training.add_argument('--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of every run')
+    training.add_argument(
+        '--budget-minutes',
+        type=whole(),
+        help='make demos so much smaller (scenes, epochs, then seeds) that all ends in about so many minutes',
+    )
     measured = parser.add_argument_group('tables that measure scenes')
     measured.add_argument('--scenes', type=whole(), default=2, help='scenes of each kind; default 2')
     measured.add_argument(

@@ -10,6 +10,7 @@ from rm3d_plugin.datasets.instance_boxes import InstanceBoxDataset
 from rm3d_plugin.datasets.joined import JoinedScenes
 from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.oakland import OaklandDataset
+from rm3d_plugin.datasets.other_classes import OtherClassesDataset
 from rm3d_plugin.datasets.s3dis import S3DISDataset
 from rm3d_plugin.datasets.scannet import ScanNetDataset
 from rm3d_plugin.datasets.segmentation import SegmentationDataset
@@ -27,6 +28,7 @@ __all__ = [
     'JoinedScenes',
     'KittiDataset',
     'OaklandDataset',
+    'OtherClassesDataset',
     'S3DISDataset',
     'ScanNetDataset',
     'SceneDataset',

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -125,7 +126,8 @@ def run_rows(rows: Sequence[Row], request: Request, commands: Commands | None = 
     runs = plan(rows, request)
     for run in runs:
         _check(run)
-    _Runner(request, commands or Commands(), sum(not run.is_finished for run in runs)).run_all(runs)
+    todo = sum((not run.is_trained) + bool(run.tests and not run.is_finished) for run in runs)
+    _Runner(request, commands or Commands(), todo).run_all(runs)
 
 
 def _check(run: Run) -> None:
@@ -155,35 +157,48 @@ class _Runner:
         self._failed: list[str] = []
 
     def run_all(self, runs: Sequence[Run]) -> None:
+        """All trainings, then all tests: a test may read scenes that another training made."""
         with ThreadPoolExecutor(self._request.jobs) as pool:
             try:
-                list(pool.map(self._one, runs))
+                list(pool.map(self._trained, runs))
+                list(pool.map(self._tested, [run for run in runs if run.tests]))
             except BaseException:  # Ctrl-C, most likely: what has not begun shall not begin
                 self._stopped.set()
                 raise
         if self._failed:
             raise ConfigError(f'{len(self._failed)} of {len(runs)} runs failed:\n  ' + '\n  '.join(self._failed))
 
-    def _one(self, run: Run) -> None:
-        if self._stopped.is_set():
-            return
-        run.folder.mkdir(parents=True, exist_ok=True)
-        with alone(run.folder, self._request.log, self._stopped) as lock:
+    def _trained(self, run: Run) -> None:
+        with self._held(run) as lock:
             if run.is_finished:
                 self._request.log(f'{run.folder}: finished before')
-                return
-            start = time.monotonic()
-            try:
-                self._finish(run, lock)
-            except RunError as error:
-                self._failed.append(str(error))
-                self._request.log(f'{run.folder}: failed; {self._progress.after(time.monotonic() - start)}')
-            else:
-                self._request.log(f'{run.folder}: done; {self._progress.after(time.monotonic() - start)}')
+            elif not run.is_trained:
+                self._timed(run, partial(self._train, run, lock))
 
-    def _finish(self, run: Run, lock: int) -> None:
-        if not run.is_trained:
-            self._train(run, lock)
+    def _tested(self, run: Run) -> None:
+        with self._held(run) as lock:
+            if run.is_trained and not run.is_finished:
+                self._timed(run, partial(self._test_all, run, lock))
+
+    @contextmanager
+    def _held(self, run: Run) -> Iterator[int]:
+        run.folder.mkdir(parents=True, exist_ok=True)
+        with alone(run.folder, self._request.log, self._stopped) as lock:
+            yield lock
+
+    def _timed(self, run: Run, work: Callable[[], None]) -> None:
+        """Do a part of a run; a failure is kept for the end."""
+        if self._stopped.is_set():
+            return
+        start, what = time.monotonic(), 'done'
+        try:
+            work()
+        except RunError as error:
+            self._failed.append(str(error))
+            what = 'failed'
+        self._request.log(f'{run.folder}: {what}; {self._progress.after(time.monotonic() - start)}')
+
+    def _test_all(self, run: Run, lock: int) -> None:
         for name, options in run.tests.items():
             if not (run.folder / name / 'test_metrics.json').is_file():
                 self._test(run, run.folder / name, options, lock)

@@ -34,6 +34,7 @@ class Row:
         test: Config keys under which the trained network is tested anew (other data, turned scenes). None: the last
             validation of the training counts.
         seeds: Of this row; None: those that the user asks for.
+        paper: Its row in the paper's table; '': the paper has none.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Row:
     train: tuple[str, ...] | None = DEMO
     test: Mapping[str, Any] | None = None
     seeds: tuple[int, ...] | None = None
+    paper: str = ''
 
 
 @dataclass(frozen=True)
@@ -66,11 +68,52 @@ class Table:
     labels: bool = False
 
     def __post_init__(self) -> None:
-        names = [row.name for row in self.rows]
-        if len(set(names)) < len(names):
-            raise ValueError(f'{self.title}: two rows have one name: {names}')
-        if self.reference is not None and self.reference not in names:
-            raise ValueError(f'{self.title}: reference: expected one of {names}, got {self.reference!r}')
+        _check_names(self.title, self.rows, self.reference, 'reference')
+
+
+@dataclass(frozen=True)
+class Part:
+    """Rows of one task on one data set, each told beside a base row and beside the paper.
+
+    Attributes:
+        title: Heading.
+        rows: From the top.
+        score: Keys of a run's final scores; the mean of them counts.
+        base: Name of the row that differences are told to.
+        paper: The paper's table and column, ``table_ablation_fea_i:sem_scannet``; '': the paper has none.
+
+    Raises:
+        ValueError: Two rows have one name, or the base is no row.
+    """
+
+    title: str
+    rows: tuple[Row, ...]
+    score: tuple[str, ...]
+    base: str
+    paper: str = ''
+
+    def __post_init__(self) -> None:
+        _check_names(self.title, self.rows, self.base, 'base')
+
+
+@dataclass(frozen=True)
+class PaperTable:
+    """A table of the paper, trained again.
+
+    Attributes:
+        title: One line.
+        parts: In order of worth: where time is short, the first are made first.
+        notes: How rows are read, where the paper leaves it open.
+    """
+
+    title: str
+    parts: tuple[Part, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Of all parts."""
+        return tuple(row for part in self.parts for row in part.rows)
 
 
 @dataclass(frozen=True)
@@ -148,3 +191,11 @@ def method_rows(
 def full_row(task: Task) -> str:
     """Name of the row of full supervision, to which ratios are told."""
     return FULL_SUPERVISION.row(task)
+
+
+def _check_names(title: str, rows: Sequence[Row], named: str | None, field: str) -> None:
+    names = [row.name for row in rows]
+    if len(set(names)) < len(names):
+        raise ValueError(f'{title}: two rows have one name: {names}')
+    if named is not None and named not in names:
+        raise ValueError(f'{title}: {field}: expected one of {names}, got {named!r}')

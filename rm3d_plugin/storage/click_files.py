@@ -61,7 +61,7 @@ def write_clicks(path: str | Path, clicks: Sequence[Click], classes: Sequence[st
 
 def _rows(path: Path) -> list[Line]:
     if not path.is_file():
-        raise ClickFileError(f'{path}: no such file of clicks')
+        raise ClickFileError(f'{path}: no such file of clicks; looked for at {path.absolute()}')
     readers = {'.json': _json_rows, '.jsonl': log_rows}
     rows = readers.get(path.suffix.lower(), _csv_rows)(path)
     if not rows:

@@ -115,14 +115,10 @@ def test_rows_that_train_the_same_share_the_run_and_are_tested_apart(asked):
     turned = Row('turned', 'a_cfg', test={'val_dataloader.turn': 90, 'score': 8})
     rows = [A, turned, replace(turned, name='other', train=None, test={'score': 6})]
     run_rows(rows, request, FAKE)
+    tests = ('test_score-8_val_dataloader.turn-90', 'test_score-6')
     assert [(folder, words.split()[0]) for folder, words in begun(request)] == [
-        (folder, 'a_cfg')
-        for seed in (0, 1)
-        for folder in (
-            f'a_cfg_seed{seed}',
-            f'a_cfg_seed{seed}/test_score-8_val_dataloader.turn-90',
-            f'a_cfg_seed{seed}/test_score-6',
-        )
+        *((f'a_cfg_seed{seed}', 'a_cfg') for seed in (0, 1)),  # all trainings first
+        *((f'a_cfg_seed{seed}/{test}', 'a_cfg') for seed in (0, 1) for test in tests),
     ]
     assert begun(request)[1][1] == f'a_cfg {request.out}/a_cfg_seed0/epoch_4.pth --demo'
     assert [final_scores(request.out, row, 1)['mIoU'] for row in rows] == [1.0, 8.0, 6.0]
