@@ -31,7 +31,7 @@ fuzz: $(STAMP)
 	RM3D_FUZZ=500 $(BIN)/python -m pytest -q -s tests/storage/test_fuzz_stores.py tests/commands/test_fuzz_commands.py
 
 faults: $(STAMP)
-	RM3D_FAULTS=25 $(BIN)/python -m pytest -q tests/faults
+	RM3D_FAULTS=25 $(BIN)/python -m pytest -q tests/faults tests/annotation/test_killed.py
 
 # mmdetection3d 1.4 beside current torch: without its compiled operations, in an environment of its own.
 mmdet3d:

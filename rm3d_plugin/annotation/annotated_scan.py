@@ -1,11 +1,13 @@
 """A scan that is being labelled: what is computed once, and what every click changes."""
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
+from rm3d_plugin.annotation.object_fit import object_points
 from rm3d_plugin.annotation.suggestions import Suggester, Suggestion
 from rm3d_plugin.inference.label_scan import (
     LabelledScan,
@@ -19,7 +21,7 @@ from rm3d_plugin.inference.label_scan import (
 from rm3d_plugin.pseudo_labels.propagation import Beside, PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.live import LiveAnswer, LivePropagation
 from rm3d_plugin.storage.columns import read_columns
-from rm3d_plugin.storage.scans import scan_of_columns
+from rm3d_plugin.storage.scans import rows_with_place, scan_of_columns
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 
 MOST_POINTS = 1_000_000  # that labels spread over while one clicks; of larger scans so many are drawn
@@ -31,21 +33,28 @@ class AnnotatedScan:
     Args:
         path: The file.
         columns: See :func:`rm3d_plugin.storage.scans.read_scan`.
+        drop_nan: Pass over points whose place is NaN.
 
     Raises:
         SceneError: The scan cannot be read, or has no point.
     """
 
-    def __init__(self, path: Path, columns: str | None = None) -> None:
+    def __init__(self, path: Path, columns: str | None = None, drop_nan: bool = False) -> None:
         self.path, self.columns = path, read_columns(path, columns)
-        self.cloud: PointCloud = scan_of_columns(self.columns, path).cloud
+        self.cloud: PointCloud = scan_of_columns(self.columns, path, nan_points='drop' if drop_nan else 'error').cloud
         if not len(self.cloud):
             raise SceneError(f'{path}: has no point to label')
         self._annotated = np.full(len(self.cloud), UNLABELLED, dtype=np.int64)
+        self._instance = self._annotated
         self._suggested: set[int] = set()
         self._drawn = drawn_points(len(self.cloud), np.zeros(0, dtype=np.int64), MOST_POINTS)
 
     # ------------------------------------------------------------------ computed once
+
+    @cached_property
+    def has_place(self) -> Bool[np.ndarray, ' rows']:
+        """Which rows of the file are points of the cloud."""
+        return rows_with_place(self.columns, None, self.path)
 
     @cached_property
     def scene(self) -> PreparedCloud:
@@ -78,13 +87,40 @@ class AnnotatedScan:
         """Class of each labelled point, -1 elsewhere."""
         return self._annotated
 
-    def set_labels(self, annotated: Int[np.ndarray, ' points']) -> None:
+    @property
+    def instance(self) -> Int[np.ndarray, ' points']:
+        """Object of each labelled point, -1 = none."""
+        return self._instance
+
+    def set_labels(self, annotated: Int[np.ndarray, ' points'], instance: Int[np.ndarray, ' points']) -> None:
         """Labels that stand now, in place of those before.
 
         Args:
             annotated: Class of each point, -1 = unlabelled.
+            instance: Object of each, -1 = none.
         """
-        self._annotated = annotated
+        self._annotated, self._instance = annotated, instance
+
+    def object_points(self, may_be: Bool[np.ndarray, ' points'], number: int) -> Int[np.ndarray, ' inside']:
+        """:func:`~rm3d_plugin.annotation.object_fit.object_points` over the graph of the scan.
+
+        Args:
+            may_be: Points that are of the object's class.
+            number: Of the object.
+
+        Raises:
+            SceneError: No point of the object is labelled.
+        """
+        own = np.flatnonzero(self._instance == number)
+        if not len(own):
+            raise SceneError(f'{self.path}: object {number} has no labelled point: click one')
+        owner = np.full(len(self._drawn), UNLABELLED, dtype=np.int64)
+        labelled = np.flatnonzero(self._instance >= 0)
+        owner[self._nearest[labelled]] = self._instance[labelled]
+        owner[self._nearest[own]] = number
+        xyz, edges = self.scene.cloud.xyz, self.scene.graphs[0].weights
+        found = object_points(xyz, edges, may_be[self._drawn], owner, number)
+        return np.flatnonzero(np.isin(self._nearest, found) & (may_be | (self._instance == number)))
 
     def live(self, num_classes: int) -> LabelledScan:
         """What the labels say of every point, at once; near to :meth:`settled`."""
@@ -114,6 +150,16 @@ class AnnotatedScan:
         found = at_all_points(found, self.cloud, self._drawn)
         found.semantic[labelled], found.confidence[labelled] = self._annotated[labelled], 1.0
         return found
+
+    def at_every_row(self, found: LabelledScan) -> LabelledScan:
+        """Labels of the points as labels of the rows of the file: -1 and confidence 0 at those without a place."""
+        rows = self.has_place
+        if rows.all():
+            return found
+        fill = np.full(len(rows), UNLABELLED, dtype=np.int64)
+        semantic, region, confidence = fill, fill.copy(), np.zeros(len(rows), np.float32)
+        semantic[rows], region[rows], confidence[rows] = found.semantic, found.region, found.confidence
+        return replace(found, semantic=semantic, region=region, confidence=confidence)
 
     def suggest(self, num_classes: int, count: int = 1) -> list[Suggestion]:
         """Points whose label would tell most; a place is suggested once.

@@ -3,19 +3,28 @@
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from rm3d_plugin.storage.click_files import (
-    LOG_HEAD,
-    Click,
-    ClickFileError,
-    LoggedClicks,
-    class_row,
-    latest,
-    log_line,
-    read_click_log,
-    row_of_clicks,
-)
+from rm3d_plugin.storage.click_log_lines import LOG_HEAD, LoggedClicks, class_row, latest, log_line, read_click_log
+from rm3d_plugin.storage.clicks import Click, ClickFileError, row_of_clicks
+from rm3d_plugin.storage.instance_box import InstanceBox, row_of_box
+
+
+class Action(NamedTuple):
+    """What is done and taken back as one.
+
+    Attributes:
+        groups: Clicks, those of a group of one scene, class and instance.
+        boxes: Of objects, from now on.
+    """
+
+    groups: Sequence[Sequence[Click]] = ()
+    boxes: Sequence[InstanceBox] = ()
+
+    @property
+    def scenes(self) -> set[str]:
+        """Of its clicks and boxes."""
+        return {clicks[0].scene for clicks in self.groups} | {box.scene for box in self.boxes}
 
 
 class ClickLog:
@@ -39,7 +48,8 @@ class ClickLog:
             raise ClickFileError(f'{path}: a log of clicks is named *.jsonl')
         log = self._open()
         self.classes, self.colors = log.classes, log.colors
-        self._standing, self._last = log.standing, log.last
+        self._standing, self._boxes, self._last = log.standing, log.boxes, log.last
+        self._actions = log.actions
         self._size = self._forget_what_was_cut_off(log.size)
 
     @property
@@ -51,15 +61,20 @@ class ClickLog:
         """All clicks of a scene that were not taken back, in the order they came, those of class -1, too."""
         return [click for clicks in self._standing.values() if clicks[0].scene == scene for click in clicks]
 
-    @property
-    def scenes(self) -> set[str]:
-        """Of all clicks that were not taken back."""
-        return {clicks[0].scene for clicks in self._standing.values()}
+    def boxes(self, scene: str) -> dict[int, InstanceBox]:
+        """The box of each object of a scene that has one, by number of the object."""
+        last = {box.instance: box for box in self._boxes.values() if box.scene == scene}
+        return {instance: last[instance] for instance in sorted(last) if last[instance].semantic >= 0}
 
     @property
-    def numbers(self) -> list[int]:
-        """Of what was added and not taken back, ascending."""
-        return list(self._standing)
+    def scenes(self) -> set[str]:
+        """Of all clicks and boxes that were not taken back."""
+        return Action(list(self._standing.values()), list(self._boxes.values())).scenes
+
+    @property
+    def standing(self) -> list[list[int]]:
+        """Numbers of each action that was not taken back, in the order they came."""
+        return [list(numbers) for numbers in self._actions]
 
     def add(self, *clicks: Click) -> int:
         """Keep a click, or many of one scene and class given at once; returns the number that :meth:`undo` takes back.
@@ -67,32 +82,46 @@ class ClickLog:
         Raises:
             ClickFileError: A class is not among the classes of the log, or see :func:`row_of_clicks`.
         """
-        return self.add_all([clicks])[0]
+        return self.act(Action([clicks]))[0]
 
-    def add_all(self, groups: Sequence[Sequence[Click]]) -> list[int]:
-        """Keep several groups of clicks, all or none; see :meth:`add`."""
-        numbers = range(self._last + 1, self._last + 1 + len(groups))
-        rows = [row_of_clicks(clicks, self.classes) for clicks in groups]
-        self._append(*({'click': number, **row} for number, row in zip(numbers, rows, strict=True)))
-        self._standing |= {number: list(clicks) for number, clicks in zip(numbers, groups, strict=True)}
-        self._last += len(groups)
+    def act(self, action: Action) -> list[int]:
+        """Keep an action, as a whole or not at all; returns a number for each group and box, see :meth:`add`."""
+        first, groups = self._last + 1, len(action.groups)
+        rows = [('click', row_of_clicks(clicks, self.classes)) for clicks in action.groups]
+        rows += [('box', row_of_box(box, self.classes)) for box in action.boxes]
+        numbers = range(first, first + len(rows))
+        marks = [{}, *({'with': first},) * (len(rows) - 1)]
+        named = zip(numbers, rows, marks, strict=False)
+        self._append(*({kind: number, **row, **mark} for number, (kind, row), mark in named))
+        self._standing |= {number: list(each) for number, each in zip(numbers, action.groups, strict=False)}
+        self._boxes |= dict(zip(numbers[groups:], action.boxes, strict=True))
+        self._last += len(rows)
+        self._actions += [list(numbers)] if rows else []
         return list(numbers)
 
     def undo(self, number: int | None = None) -> list[Click]:
-        """Take back what was added under a number, the latest that stands where none is given; returns it.
+        """Take back the clicks that were added under a number, the latest that stand where none is given; returns them.
 
         Raises:
-            ClickFileError: There is no such click, or it was taken back before.
+            ClickFileError: There are no such clicks, or they were taken back before.
         """
-        return self.undo_all([max(self._standing, default=0) if number is None else number])[0]
+        number = max(self._standing, default=0) if number is None else number
+        return list(self.take_back([number]).groups[0])
 
-    def undo_all(self, numbers: Sequence[int]) -> list[list[Click]]:
-        """Take several back, all or none; see :meth:`undo`."""
+    def take_back(self, numbers: Sequence[int]) -> Action:
+        """Take back what was kept under numbers, all or none; returns it.
+
+        Raises:
+            ClickFileError: Nothing was, or it was taken back before.
+        """
         for number in numbers:
-            if number not in self._standing:
+            if number not in self._standing and number not in self._boxes:
                 raise ClickFileError(f'{self.path}: undo: no click {number} stands; {len(self._standing)} do')
         self._append(*({'undo': number} for number in numbers))
-        return [self._standing.pop(number) for number in numbers]
+        left = ([number for number in each if number not in numbers] for each in self._actions)
+        self._actions = [each for each in left if each]
+        groups = [self._standing.pop(number) for number in numbers if number in self._standing]
+        return Action(groups, [self._boxes.pop(number) for number in numbers if number in self._boxes])
 
     def add_class(self, name: str, color: str | None = None) -> int:
         """Name a class, or give it another colour (``#rrggbb``); returns its number.

@@ -2,6 +2,7 @@
 
 from typing import Literal, NamedTuple, get_args
 
+import matplotlib.path
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from matplotlib import colormaps
@@ -11,11 +12,13 @@ from rm3d_plugin.inference.label_scan import LabelledScan
 from rm3d_plugin.structures import PointCloud
 from rm3d_plugin.visualization.palette import GREY, region_colors
 
-ColorBy = Literal['colour', 'intensity', 'height', 'class', 'confidence', 'region']
+ColorBy = Literal['colour', 'intensity', 'height', 'class', 'confidence', 'region', 'difference']
 COLOR_BY: tuple[ColorBy, ...] = get_args(ColorBy)
+SHOWN = 400_000  # points of the picture, at most; labels are on all
 REACH = 0.006  # of the distance from the eye: as near a ray must pass a point to meet it, beside the point's own size
 BEHIND = 0.02  # of the distance: points so much behind the first in a cell of the picture are hidden
 DARKEST = 0.5  # of a class's colour, on what is dark in the scan
+CLEAR = 0.2  # of the way to the eye: so wide a tube, and from so far on, shall hold no point
 IN_CELL = 8  # points in a cell of the rectangle, about: the first of them hides the others
 
 
@@ -41,12 +44,12 @@ def colors_by(
     """Colours of points; what a scan lacks is shown by height instead.
 
     Args:
-        kind: What the colours tell.
+        kind: What the colours tell; of a difference the labels hold only what would change.
         cloud: The scan.
         labels: Of its points.
         class_colors: ``#rrggbb`` of each class.
     """
-    if kind == 'class':
+    if kind in ('class', 'difference'):
         table = np.array([to_rgb(color) for color in [*class_colors, GREY]])  # the last, -1, is no class
         return _bytes(table[labels.semantic] * _shade(cloud))
     if kind == 'region':
@@ -99,9 +102,52 @@ def points_in_rectangle(
         high: Lower right corner.
     """
     place, depth = _projected(xyz, camera)
-    inside = (depth > 0) & (place >= low).all(axis=1) & (place <= high).all(axis=1)
-    rows = np.flatnonzero(inside)
+    rows = np.flatnonzero((depth > 0) & (place >= low).all(axis=1) & (place <= high).all(axis=1))
     return rows[_in_front(place[rows], depth[rows])]
+
+
+def points_in_lasso(
+    xyz: Float[np.ndarray, 'points 3'], camera: Camera, corners: Float[np.ndarray, 'corners 2']
+) -> Int[np.ndarray, ' inside']:
+    """Points in a polygon of the picture that no other point hides.
+
+    Args:
+        xyz: Points that are shown.
+        camera: Of the picture.
+        corners: At least three, in [0, 1] from the upper left of the picture.
+    """
+    place, depth = _projected(xyz, camera)
+    rows = np.flatnonzero((depth > 0) & matplotlib.path.Path(corners).contains_points(place))
+    return rows[_in_front(place[rows], depth[rows])]
+
+
+def clearest_way(
+    xyz: Float[np.ndarray, 'points 3'],
+    place: Float[np.ndarray, '3'],
+    before: Float[np.ndarray, '3'],
+    length: float,
+) -> Float[np.ndarray, '3']:
+    """Direction from a place to an eye that sees it with the fewest points between, near to that of before.
+
+    Args:
+        xyz: Points that are shown.
+        place: Looked at, metres.
+        before: From it to the eye until now, of any length above 0.
+        length: From it to the eye from now on, metres.
+    """
+    turns, lifts = np.deg2rad(np.arange(0.0, 360.0, 45.0)), np.deg2rad([20.0, 50.0])
+    turn, lift = (each.ravel() for each in np.meshgrid(turns, lifts))
+    ways = np.stack([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)], axis=1)
+    own = before / np.linalg.norm(before)
+    ways = np.concatenate([own[None], ways[np.argsort(-(ways @ own), kind='stable')]])
+    away = xyz - place
+    near = away[np.square(away).sum(axis=1) <= (1.2 * length) ** 2]
+    between = []
+    for way in ways:
+        ahead = near @ way
+        beside = np.square(near).sum(axis=1) - np.square(ahead)
+        between.append(int(np.count_nonzero((ahead > CLEAR * length) & (beside < (CLEAR * length) ** 2))))
+    return np.asarray(ways[int(np.argmin(between))])
 
 
 def _projected(

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Int
 
 from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
-from rm3d_plugin.annotation.click_log import ClickLog
+from rm3d_plugin.annotation.click_log import Action, ClickLog
+from rm3d_plugin.annotation.objects import Objects
 from rm3d_plugin.annotation.suggestions import Suggestion
 from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
 from rm3d_plugin.inference.label_files import SAME, LabelOptions, check_outputs, write_scan
@@ -27,12 +28,19 @@ NO_CLASS = 'a click needs a class: add one first'
 class Session:
     """Scans that are labelled together; one process at a time.
 
+    Attributes:
+        log: What was done.
+        columns: What the columns of tables hold.
+        objects: Clicks that belong together, and their boxes.
+
     Args:
         scans: Files that can be read, each of another name.
         log: The ``.jsonl`` file of the clicks; a session that is there is taken up. None: ``NAME.clicks.jsonl`` beside
             the only scan, ``clicks.jsonl`` beside the first of several.
         classes: Names of classes that are there from the start.
         columns: What the columns of tables hold, see :func:`rm3d_plugin.storage.scans.read_scan`.
+        drop_nan: Pass over points whose place is NaN; numbers of points count the others, and labels of a saved scan
+            are -1 there. Else such a scan is refused.
 
     Raises:
         ConfigError: Two scans have one name.
@@ -42,13 +50,18 @@ class Session:
     """
 
     def __init__(
-        self, scans: Sequence[Path], log: Path | None = None, classes: Sequence[str] = (), columns: str | None = None
+        self,
+        scans: Sequence[Path],
+        log: Path | None = None,
+        classes: Sequence[str] = (),
+        columns: str | None = None,
+        drop_nan: bool = False,
     ) -> None:
         if not scans:
             raise SceneError('a session needs a scan, got none')
         check_names(scans, [scan.stem for scan in scans])
         self._paths = {scan.stem: Path(scan) for scan in scans}
-        self._columns, self._open = columns, dict[str, AnnotatedScan]()
+        self.columns, self._drop_nan, self._open = columns, drop_nan, dict[str, AnnotatedScan]()
         path = log or default_log(scans)
         self._lock = contextlib.ExitStack()
         self._lock.enter_context(process_lock(path.with_name(path.name + '.lock')))
@@ -61,8 +74,9 @@ class Session:
         except BaseException:
             self.close()
             raise
-        self._done: list[list[int]] = [[number] for number in self.log.numbers]
-        self._undone: list[list[list[Click]]] = []
+        self.objects = Objects(self)
+        self._done: list[list[int]] = self.log.standing
+        self._undone: list[Action] = []
 
     def close(self) -> None:
         """Let other sessions write the log; nothing is left to be saved."""
@@ -81,6 +95,10 @@ class Session:
         """Names of the scans."""
         return list(self._paths)
 
+    def path(self, name: str) -> Path:
+        """The file of a scan."""
+        return self._paths[name]
+
     def scan(self, name: str) -> AnnotatedScan:
         """A scan, read at first use.
 
@@ -91,7 +109,7 @@ class Session:
         if name not in self._paths:
             raise SceneError(f'no scan {name!r} in this session; it has {", ".join(self._paths)}')
         if name not in self._open:
-            scan = AnnotatedScan(self._paths[name], self._columns)
+            scan = AnnotatedScan(self._paths[name], self.columns, self._drop_nan)
             self._follow(name, scan)
             self._open[name] = scan
         return self._open[name]
@@ -100,6 +118,17 @@ class Session:
     def classes(self) -> tuple[str, ...]:
         """Names of the classes; a class keeps its number."""
         return self.log.classes
+
+    def class_number(self, name: str) -> int:
+        """Number of a class.
+
+        Raises:
+            ClickFileError: There is no such class.
+        """
+        if name not in self.classes:
+            known = ', '.join(self.classes)
+            raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
+        return self.classes.index(name)
 
     def color(self, name: str) -> str:
         """Colour of a class as ``#rrggbb``: its own, or one by its number."""
@@ -146,26 +175,53 @@ class Session:
 
     def brush(self, scan: str, points: Iterable[int], name: str, instance: int = -1) -> None:
         """Label many points at once, one action; see :meth:`click`."""
-        if name not in self.classes:
-            known = ', '.join(self.classes)
-            raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
-        numbers = self._checked_points(scan, points)
-        number = self.classes.index(name)
-        self._act([[Click(scan, number, instance, index=point) for point in numbers]])
+        number, numbers = self.class_number(name), self._checked_points(scan, points)
+        self.act(Action([[Click(scan, number, instance, index=point) for point in numbers]]))
+
+    def give(self, scan: str, points: Int[np.ndarray, ' given'], classes: Int[np.ndarray, ' given']) -> None:
+        """Label points with a class each, one action.
+
+        Args:
+            scan: Name of the scan.
+            points: Numbers in its file, each once.
+            classes: Number of the class of each.
+
+        Raises:
+            SceneError: There is no such scan or point, or no point at all.
+            ClickFileError: There is no such class, or the lines cannot be written.
+        """
+        self._checked_points(scan, points)
+        self.act(
+            Action(
+                [
+                    [Click(scan, number, index=point) for point in points[classes == number].tolist()]
+                    for number in np.unique(classes).tolist()
+                ]
+            )
+        )
 
     def erase(self, scan: str, points: Iterable[int]) -> None:
         """Take the labels of points away, one action; points without a label stay so."""
         numbers = self._checked_points(scan, points)
-        self._act([[Click(scan, UNLABELLED, index=point) for point in numbers]])
+        self.act(Action([[Click(scan, UNLABELLED, index=point) for point in numbers]]))
+
+    def act(self, action: Action) -> None:
+        """Keep an action of several clicks and boxes, whose points and classes are there; :meth:`undo` takes it back.
+
+        Raises:
+            ClickFileError: The lines cannot be written.
+        """
+        self._add(action)
+        self._undone = []
 
     def undo(self) -> bool:
         """Take the latest action back; False where there is none."""
         if not self._done:
             return False
-        taken = self.log.undo_all(self._done[-1])
+        taken = self.log.take_back(self._done[-1])
         self._done.pop()
         self._undone.append(taken)
-        for name in {clicks[0].scene for clicks in taken} & set(self._open):
+        for name in taken.scenes & set(self._open):
             self._follow(name, self._open[name])
         return True
 
@@ -191,6 +247,11 @@ class Session:
         """Points whose label would tell most, with reasons; a place is suggested once in a session."""
         return self.scan(scan).suggest(len(self.classes), count)
 
+    def labelled_scans(self) -> list[str]:
+        """Names of the scans that have a label."""
+        clicked = [name for name in self.scans if self.log.actions(name)]
+        return [name for name in clicked if (self.scan(name).annotated >= 0).any()]
+
     def save(self, out: Path, kind: str = SAME) -> list[Path]:
         """Write every scan that has a label with its classes, confidences and regions; returns the files.
 
@@ -203,8 +264,7 @@ class Session:
             ConfigError: A file would replace one that was read, or the format is not known.
             SceneError: Nothing is labelled.
         """
-        clicked = [name for name in self.scans if self.log.actions(name)]
-        labelled = [name for name in clicked if (self.scan(name).annotated >= 0).any()]
+        labelled = self.labelled_scans()
         if not labelled:
             raise SceneError('nothing to save: no point is labelled yet')
         check_outputs([self._paths[name] for name in labelled], [self.log.path], out, LabelOptions(format=kind))
@@ -212,7 +272,11 @@ class Session:
         for name in labelled:
             scan = self.scan(name)
             found = self.settled(name, check=False)
-            files += write_scan(scan.path, scan.columns, scan.cloud, found, self._given(name), out, kind)
+            if kind == SAME:
+                found, columns = scan.at_every_row(found), scan.columns
+            else:
+                columns = {each: values[scan.has_place] for each, values in scan.columns.items()}
+            files += write_scan(scan.path, columns, scan.cloud, found, self._given(name), out, kind)
         return files
 
     # ------------------------------------------------------------------ clicks of other programs
@@ -234,7 +298,7 @@ class Session:
             for point, semantic, instance in zip(*(each.tolist() for each in found), strict=True):
                 same = groups.setdefault((scene, semantic, instance), [])
                 same.append(Click(scene, semantic, instance, index=point))
-        self._act(list(groups.values()))
+        self.act(Action(list(groups.values())))
         return sum(map(len, groups.values()))
 
     def export_clicks(self, path: Path) -> Path:
@@ -259,21 +323,17 @@ class Session:
             raise SceneError(f'scan {scan}: expected points 0..{count - 1}, got {got}')
         return found
 
-    def _act(self, groups: list[list[Click]]) -> None:
-        self._add(groups)
-        self._undone = []
-
-    def _add(self, groups: list[list[Click]]) -> None:
-        self._done.append(self.log.add_all(groups))
-        for clicks in groups:
-            if clicks[0].scene in self._open:
-                scan = self._open[clicks[0].scene]
-                scan.set_labels(_labelled(scan.annotated, clicks, scan.cloud))
+    def _add(self, action: Action) -> None:
+        self._done.append(self.log.act(action))
+        for name in action.scenes & set(self._open):
+            scan = self._open[name]
+            clicks = [click for group in action.groups if group[0].scene == name for click in group]
+            scan.set_labels(*_labelled(scan.annotated, scan.instance, clicks, scan.cloud))
 
     def _follow(self, name: str, scan: AnnotatedScan) -> None:
         """Label the points of a scan as the log says."""
         nothing = np.full(len(scan.cloud), UNLABELLED, dtype=np.int64)
-        scan.set_labels(_labelled(nothing, self.log.actions(name), scan.cloud))
+        scan.set_labels(*_labelled(nothing, nothing, self.log.actions(name), scan.cloud))
 
     def _placed(self, name: str) -> list[Click]:
         """The clicks that stand in a scan, each with number and place."""
@@ -292,16 +352,22 @@ class Session:
     def _given(self, scan: str) -> GivenLabels:
         points = np.flatnonzero(self.scan(scan).annotated >= 0)
         labels = {scan: PointLabels(points, self.scan(scan).annotated[points])}
-        return GivenLabels(self.classes, tuple(range(len(self.classes))), labels)
+        values = (*range(len(self.classes)), UNLABELLED)  # the last, -1, stands for no class
+        return GivenLabels(self.classes, values, labels)
 
 
 def _labelled(
-    annotated: Int[np.ndarray, ' points'], clicks: Sequence[Click], cloud: PointCloud
-) -> Int[np.ndarray, ' points']:
-    """Labels after clicks, of which the later counts."""
-    out = annotated.copy()
-    out[point_numbers(clicks, cloud)] = [click.semantic for click in clicks]
-    return out
+    annotated: Int[np.ndarray, ' points'],
+    instance: Int[np.ndarray, ' points'],
+    clicks: Sequence[Click],
+    cloud: PointCloud,
+) -> tuple[Int[np.ndarray, ' points'], Int[np.ndarray, ' points']]:
+    """Classes and objects after clicks, of which the later counts."""
+    annotated, instance = annotated.copy(), instance.copy()
+    points = point_numbers(clicks, cloud)
+    annotated[points] = [click.semantic for click in clicks]
+    instance[points] = [click.instance for click in clicks]
+    return annotated, instance
 
 
 def default_log(scans: Sequence[Path]) -> Path:

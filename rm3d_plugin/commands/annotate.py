@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rm3d_plugin.annotation.demo_room import write_demo_room
 from rm3d_plugin.annotation.session import Session
+from rm3d_plugin.commands.numbers import number
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.predict import find_scans
 from rm3d_plugin.storage.columns import ENDINGS
@@ -19,6 +20,7 @@ EXAMPLES = """examples:
 
 Every click is on the disk when it is answered: start the command again to go on.
 The page is on this machine alone; from another one: ssh -L 8080:127.0.0.1:8080 HOST"""
+MINUTES = 20.0  # of a training that the button starts
 DEMO = Path('data/annotate_demo')
 
 
@@ -28,15 +30,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if args.demo == bool(args.scans):
         raise ConfigError('annotate: expected scans, or --demo')
     try:
-        from rm3d_plugin.annotation.page import AnnotationPage
+        from rm3d_plugin.annotation.page import AnnotationPage, Outputs
     except ModuleNotFoundError as error:
         raise ConfigError(f'annotate: needs {error.name}: pip install "rm3d_plugin[annotate]"') from error
     scans = [write_demo_room(DEMO)] if args.demo else find_scans(args.scans, ENDINGS)
     out = args.out or scans[0].parent / 'labelled'
-    with Session(scans, args.log, args.classes, args.columns) as session:
+    with Session(scans, args.log, args.classes, args.columns, args.drop_nan) as session:
         print(f'{len(scans)} scans; clicks: {session.log.path}; labels: {out}', flush=True)
         print('neighbours and features of the first scan ...', flush=True)
-        page = AnnotationPage(session, out, args.port)
+        outputs = Outputs(out, args.train or MINUTES, args.train is not None, tuple(args.cfg_options))
+        page = AnnotationPage(session, outputs, args.port)
         print(f'{page.url}   (Ctrl-C ends; every click is kept)', flush=True)
         if not args.no_browser:
             webbrowser.open(page.url)
@@ -61,6 +64,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--out', type=Path, metavar='FOLDER', help='for the labelled scans; default labelled/ beside')
     parser.add_argument('--columns', help='what the columns of a table hold: "x y z red green blue -"')
+    parser.add_argument(
+        '--drop-nan',
+        action='store_true',
+        help='leave points whose place is NaN without a label, as organised PCD has them',
+    )
+    parser.add_argument(
+        '--train',
+        type=number('minutes above 0', above=0.0),
+        metavar='MINUTES',
+        help='train a network for so long as soon as points of two classes are labelled; a button does it, too',
+    )
+    parser.add_argument(
+        '--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of trainings, see rm3d label'
+    )
     parser.add_argument('--port', type=int, default=8080, help='of the page; the next free one; default 8080')
     parser.add_argument('--no-browser', action='store_true', help='print where the page is, open none')
     return parser

@@ -10,6 +10,7 @@ import torch
 
 from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.experiments.benchmarks import (
+    annotate_page,
     clicks_to_quality,
     cost_model,
     descriptors,
@@ -35,6 +36,7 @@ BENCHMARKS = (
     first_call,
     propagate_clicks,
     clicks_to_quality,
+    annotate_page,
 )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from mmengine.config import DictAction
 
 from rm3d_plugin.commands.numbers import whole
-from rm3d_plugin.inference.oversegment import discarded_text, oversegment_file
+from rm3d_plugin.inference.oversegment import PRESETS, discarded_text, oversegment_file
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -20,11 +20,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument('scan', type=Path, help='points in metres, z up')
     parser.add_argument('--out', type=Path, required=True, help='.ply (coloured), .npz (labels) or .html (3D view)')
-    parser.add_argument('--descriptor', default='AdaptedPFH', help='type name, FPFH say; default AdaptedPFH')
+    parser.add_argument('--descriptor', help="type name, FPFH say; default: the preset's, or AdaptedPFH")
     parser.add_argument(
-        '--oversegmenter', default='RegionGrowing', help='RegionGrowing, VCCS or CutPursuit; default RegionGrowing'
+        '--oversegmenter', help="RegionGrowing, VCCS or CutPursuit; default: the preset's, or RegionGrowing"
     )
-    parser.add_argument('--preset', choices=['indoor', 'lidar'], help='numbers that suit a kind of scene')
+    parser.add_argument(
+        '--preset',
+        choices=PRESETS,
+        help='numbers that suit a kind of scene; outdoor and airborne: the parts that training on such scans uses',
+    )
     parser.add_argument(
         '--columns',
         help="names of a table's columns, - for one to pass over: 'x y z red green blue -'; default: by their number, "

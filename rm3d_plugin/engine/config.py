@@ -11,6 +11,7 @@ Four names are added: ``work_dir``, ``config_name``, ``is_demo`` and ``epochs`` 
 training). ``label_refreshes`` and ``num_classes`` become numbers where a config says None.
 """
 
+import difflib
 import traceback
 import warnings
 from collections.abc import Mapping, Sequence
@@ -23,11 +24,12 @@ from mmengine.utils import import_modules_from_strings
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from rm3d_plugin.engine.config_files import PACKAGE, find_config, pages_merge, shipped_bases, similar
 from rm3d_plugin.engine.config_files import ConfigError as ConfigError
-from rm3d_plugin.engine.config_files import find_config, pages_merge, shipped_bases, similar
 from rm3d_plugin.engine.config_pages import anchor_paths, check_names, pages
 from rm3d_plugin.engine.renamed_options import HINTS, RENAMED
 
+CHOICES = {'log_level': ('DEBUG', 'INFO', 'WARNING', 'ERROR', 'CRITICAL'), 'default_scope': (PACKAGE.name,)}
 WHOLE = ('batch_size', 'accumulate', 'checkpoint_interval', 'val_rounds', 'warm_up_rounds', 'label_refreshes')
 
 
@@ -72,6 +74,7 @@ def load_config(
     for key in WHOLE:
         if key in resolved:
             _count(resolved, key)
+    _check_choices(resolved)
     _check_restarts(resolved)
     _import_custom_modules(resolved)
     return resolved
@@ -159,7 +162,9 @@ def _apply(config: Config, options: Mapping[str, Any]) -> None:
     _refuse_old_names([key for key in options if key not in _dotted(config)], '--cfg-options ')
     unknown = unknown_options(config, options)
     if unknown:
-        raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in the config; keys: {sorted(config)}')
+        near = difflib.get_close_matches(unknown[0].split('.')[0], list(config), n=3)
+        meant = f'did you mean {" or ".join(near)}?' if near else f'keys: {sorted(config)}'
+        raise ConfigError(f'--cfg-options {", ".join(unknown)}: no such key in the config; {meant}')
     for key, value in options.items():
         try:
             with pages_merge():
@@ -179,6 +184,12 @@ def _count(config: Config, key: str) -> int:
     if not isinstance(value, int) or value < 1:
         raise ConfigError(f'{key}: expected a whole number from 1, got {value!r}')
     return value
+
+
+def _check_choices(config: Config) -> None:
+    for key, choices in CHOICES.items():
+        if key in config and config[key] not in choices:
+            raise ConfigError(f'{key}: expected {" or ".join(choices)}, got {config[key]!r}')
 
 
 def _check_restarts(config: Config) -> None:

@@ -17,6 +17,7 @@ from rm3d_plugin.engine.found_inputs import find_inputs, take_inputs
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints
 from rm3d_plugin.engine.screen import QuietRunner
 from rm3d_plugin.engine.work_dir import (
+    check_folder,
     check_same_settings,
     choose_checkpoint,
     lock_work_dir,
@@ -132,16 +133,18 @@ def label_hooks(config: Config, so_that: str) -> list[Any]:
 
 
 def check_data(config: Config, *dataloaders: str) -> None:
-    """Look for the scenes of some dataloaders before anything else is built, so that missing data is told at once.
+    """Look for the scenes of some dataloaders and at the cache's folder before anything else is built.
 
     Raises:
-        DatasetNotFoundError, SceneError, ConfigError: They are not there, or the config asks for them wrongly.
+        DatasetNotFoundError, SceneError, ConfigError: They are not there or cannot be used, or are asked for wrongly.
     """
     for name in dataloaders:
         if config.get(name) is not None:
             with config_errors(config):
                 dataset = DATASETS.build({**config[name].dataset, 'pipeline': []})
             dataset.find_scenes()
+    if config.get('cache_dir') is not None:
+        check_folder(Path(config.cache_dir), 'cache_dir')
 
 
 def build_loops(runner: Runner) -> None:
@@ -151,16 +154,31 @@ def build_loops(runner: Runner) -> None:
         runner: Whose ``train`` follows.
 
     Raises:
-        ConfigError: The model has no loss.
+        ConfigError: The model has no loss, or there is no such optimizer.
     """
     if not len(getattr(getattr(runner.model, 'module', runner.model), 'losses', [None])):
         raise ConfigError('losses: the list is empty, or all of it is None: nothing can be learnt')
     _ = runner.train_loop
     if runner.cfg.get('val_dataloader') is not None:
         _ = runner.val_loop
+    check_optimizer(runner.cfg)
     runner.optim_wrapper = runner.build_optim_wrapper(runner.optim_wrapper)
     if runner.param_schedulers is not None:
         runner.param_schedulers = runner.build_param_scheduler(runner.param_schedulers)
+
+
+def check_optimizer(config: Config) -> None:
+    """Look for the optimizer, of which mmengine says nothing.
+
+    Raises:
+        ConfigError: There is none of that name.
+    """
+    from mmengine.registry import OPTIMIZERS
+
+    kind = config.get('optim_wrapper', {}).get('optimizer', {}).get('type')
+    if isinstance(kind, str) and OPTIMIZERS.get(kind) is None:
+        known = ', '.join(sorted(OPTIMIZERS.module_dict))
+        raise ConfigError(f'optim_wrapper.optimizer.type: expected one of {known}; got {kind!r}')
 
 
 def prepare(config: Config, jobs: int = 1) -> None:

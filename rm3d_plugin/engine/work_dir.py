@@ -1,6 +1,7 @@
 """The folder of a run: one run at a time in it, nothing removed that no run wrote, resumed by its own settings."""
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -22,6 +23,25 @@ FREE = {
 }  # fmt: skip
 """Keys that may differ in a resumed run, wherever they stand: they concern speed and reports."""
 FREE_STARTS = ('val_', 'test_')
+
+
+def check_folder(folder: Path, option: str = '--out') -> None:
+    """Whether files can be written into a folder, which need not be there, before anything is computed for them.
+
+    Args:
+        folder: The folder.
+        option: What named it, for the message.
+
+    Raises:
+        ConfigError: It is a file, lies in one, or is read-only.
+    """
+    for path in (folder, *folder.parents):
+        if path.exists():
+            if not path.is_dir():
+                raise ConfigError(f'{option} {folder}: {path} is a file; name a folder')
+            if not os.access(path, os.W_OK | os.X_OK):
+                raise ConfigError(f'{option} {folder}: {path} is read-only; name another folder')
+            return
 
 
 @contextmanager

@@ -12,9 +12,10 @@ from jaxtyping import Int
 from tqdm import tqdm
 
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.work_dir import check_folder
 from rm3d_plugin.inference.given_labels import GivenLabels
 from rm3d_plugin.inference.label_scan import LabelledScan, at_all_points, drawn_points, label_prepared, prepare_drawn
-from rm3d_plugin.inference.outputs import check_folder, check_targets
+from rm3d_plugin.inference.outputs import check_targets
 from rm3d_plugin.inference.predict import check_names
 from rm3d_plugin.inference.predict_formats import (
     BENCHMARKS,

@@ -1,6 +1,5 @@
 """Whether what is written would replace what is read."""
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -22,21 +21,6 @@ def check_targets(targets: Iterable[Path], inputs: Iterable[Path], out: Path) ->
     for target in targets:
         if (path := read.get(_identity(target))) is not None:
             raise ConfigError(f'--out {out}: {target.name} would be written over the input {path}; name another place')
-
-
-def check_folder(out: Path) -> None:
-    """Whether ``--out`` can be a folder into which files are written, before anything is computed for them.
-
-    Raises:
-        ConfigError: It is a file, lies in one, or is read-only.
-    """
-    for path in (out, *out.parents):
-        if path.exists():
-            if not path.is_dir():
-                raise ConfigError(f'--out {out}: {path} is a file; name a folder')
-            if not os.access(path, os.W_OK | os.X_OK):
-                raise ConfigError(f'--out {out}: {path} is read-only; name another folder')
-            return
 
 
 def _identity(path: Path) -> tuple[int, int] | Path:

@@ -11,11 +11,13 @@ from mmengine.registry import Registry
 
 import rm3d_plugin.descriptors
 import rm3d_plugin.oversegmentation  # noqa: F401  (both register their parts)
-from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.inference.outputs import check_folder, check_targets
+from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.engine.work_dir import check_folder
+from rm3d_plugin.inference.outputs import check_targets
 from rm3d_plugin.label_budgets import BudgetError
 from rm3d_plugin.label_budgets.clicks import resolve_clicks
 from rm3d_plugin.ops.segment import scatter_rows
+from rm3d_plugin.oversegmentation import RegionGrowing
 from rm3d_plugin.oversegmentation.tuning import Tuning, tune_region_growing
 from rm3d_plugin.regions.prepare import with_normals
 from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
@@ -28,34 +30,44 @@ from rm3d_plugin.visualization.regions_page import write_regions_page
 from rm3d_plugin.visualization.scene_view import Layer
 
 ENDINGS = ('.ply', '.npz', '.html')
+# Presets that are the parts of a shipped config: the regions are those that training on such scans starts from.
+SHIPPED = {'outdoor': 'rm3d_sem_files_streets_clicks', 'airborne': 'rm3d_sem_files_airborne_clicks'}
+PRESETS = ('indoor', 'lidar', *SHIPPED)
 POINTS_PER_REGION = 150  # where nobody says how many regions tuning shall aim at
 
 
-def build_part(registry: Registry, name: str, preset: str | None, options: Mapping[str, Any]) -> Any:
+def build_part(registry: Registry, name: str | None, preset: str | None, options: Mapping[str, Any]) -> Any:
     """Build a registered part by its type name.
 
     Args:
         registry: Where the name is looked up.
-        name: Type name.
+        name: Type name; None: the preset's, or the first choice of the house.
         preset: Start from the numbers of this preset, where the part has any.
         options: Arguments; they win over the preset's.
 
     Raises:
         ConfigError: No such part or preset, or an argument that it does not take.
     """
-    kinds = registry.module_dict
+    kinds, arguments = registry.module_dict, _shipped_part(registry, preset)
+    shipped = arguments.pop('type', None)
+    name = name or shipped or ('AdaptedPFH' if registry is DESCRIPTORS else 'RegionGrowing')
     if name not in kinds:
         raise ConfigError(f'{registry.name}: expected one of {sorted(kinds)}, got {name!r}')
-    arguments: dict[str, Any] = {}
     numbers = presets_of(kinds[name])
-    if preset is not None and numbers:
+    if preset is not None and name != shipped and numbers:
         if preset not in numbers:
             raise ConfigError(f'{name}: preset: expected one of {sorted(numbers)}, got {preset!r}')
-        arguments |= numbers[preset]
+        arguments = dict(numbers[preset])
     try:
         return kinds[name](**arguments | dict(options))
     except (TypeError, ValueError) as error:
         raise ConfigError(f'{name}: {error}') from error
+
+
+def _shipped_part(registry: Registry, preset: str | None) -> dict[str, Any]:
+    if preset not in SHIPPED:
+        return {}
+    return dict(load_config(SHIPPED[preset]).label_maker['descriptor' if registry is DESCRIPTORS else 'oversegmenter'])
 
 
 def presets_of(kind: type) -> Mapping[str, Mapping[str, Any]]:
@@ -67,8 +79,8 @@ def presets_of(kind: type) -> Mapping[str, Mapping[str, Any]]:
 def oversegment_file(
     scan: str | Path,
     out: str | Path,
-    descriptor: str = 'AdaptedPFH',
-    oversegmenter: str = 'RegionGrowing',
+    descriptor: str | None = None,
+    oversegmenter: str | None = None,
     preset: str | None = None,
     descriptor_options: Mapping[str, Any] | None = None,
     oversegmenter_options: Mapping[str, Any] | None = None,
@@ -83,9 +95,10 @@ def oversegment_file(
         scan: See :func:`rm3d_plugin.storage.scans.read_cloud`.
         out: ``.ply`` (points in their own coordinates, coloured by region, with a column ``region``), ``.npz``
             (``xyz``, ``origin``, ``labels``) or ``.html`` (3D view).
-        descriptor: Type name in ``DESCRIPTORS``.
-        oversegmenter: Type name in ``OVERSEGMENTERS``.
-        preset: ``'indoor'`` or ``'lidar'`` for the parts that have presets; None: their defaults.
+        descriptor: Type name in ``DESCRIPTORS``; None: the preset's, else AdaptedPFH.
+        oversegmenter: Type name in ``OVERSEGMENTERS``; None: the preset's, else RegionGrowing.
+        preset: ``'indoor'`` or ``'lidar'`` for the parts that have presets, ``'outdoor'`` or ``'airborne'`` for the
+            parts of the config of such scans (``SHIPPED``); None: their defaults.
         descriptor_options: Arguments of the descriptor.
         oversegmenter_options: Arguments of the over-segmenter.
         columns: What the scan's columns hold, see :func:`rm3d_plugin.storage.scans.read_cloud`.
@@ -106,9 +119,9 @@ def oversegment_file(
         raise ConfigError(f'{out}: unknown ending {out.suffix!r}; expected one of {" ".join(ENDINGS)}')
     describer = build_part(DESCRIPTORS, descriptor, preset, descriptor_options or {})
     segmenter = build_part(OVERSEGMENTERS, oversegmenter, preset, oversegmenter_options or {})
-    if tune is not None and oversegmenter != 'RegionGrowing':
+    if tune is not None and not isinstance(segmenter, RegionGrowing):
         raise ConfigError(
-            f'tune: chooses theta and zeta of RegionGrowing, got {oversegmenter!r}; leave one of them out'
+            f'tune: chooses theta and zeta of RegionGrowing, got {type(segmenter).__name__!r}; leave one of them out'
         )
     cloud = read_cloud(scan, columns)
     kept = np.flatnonzero(~segmenter.find_ground(cloud))
@@ -120,7 +133,7 @@ def oversegment_file(
             known = read_annotated_labels(tune, cloud, Path(scan).stem)[kept]
             found = _tune(rest, described, known, options, target_regions)
             log(f'{Path(tune).name}: {_report(found)}')
-            segmenter = build_part(OVERSEGMENTERS, oversegmenter, None, {**options, **found.options})
+            segmenter = build_part(OVERSEGMENTERS, 'RegionGrowing', None, {**options, **found.options})
         labels = np.asarray(segmenter.partition(rest, described, None, Path(scan).stem), dtype=np.int64)
         regions = Regions(scatter_rows(labels, kept, len(cloud), fill=-1))
         write_regions(out, cloud, regions, Path(scan).name)

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.inference.outputs import check_folder, check_targets
+from rm3d_plugin.engine.work_dir import check_folder
+from rm3d_plugin.inference.outputs import check_targets
 from rm3d_plugin.inference.predict_boxes import BoxOptions, Detector, box_targets, calib_beside, predict_boxes
 from rm3d_plugin.inference.predict_formats import main_file, output_name
 from rm3d_plugin.inference.predict_points import PointOptions, Segmenter, predict_points

@@ -16,6 +16,7 @@ from rm3d_plugin.datasets.boxes import in_units, to_world, with_strength, within
 from rm3d_plugin.datasets.kitti_format import IMAGE_SIZE, KittiCalib, in_camera_view, read_calib
 from rm3d_plugin.datasets.named_boxes import NamedBoxes
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.evaluation.point_fields import numpy_of
 from rm3d_plugin.inference.trained import TrainedNetwork, load_network
 from rm3d_plugin.storage.scans import NanPoints, read_scan
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
@@ -135,11 +136,7 @@ class Detector:
             item = step(item)
         with torch.no_grad():
             sample = self.model.test_step(pseudo_collate([item]))[0]
-        return Boxes3D(
-            sample.pred_bboxes_3d.cpu().numpy(),
-            sample.pred_labels_3d.cpu().numpy(),
-            sample.pred_scores_3d.cpu().numpy(),
-        )
+        return Boxes3D(*map(numpy_of, (sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d)))
 
     def _with_strength(self, cloud: PointCloud) -> PointCloud:
         """A sensor whose strengths exceed the range of the run is read by its own."""

@@ -17,7 +17,7 @@ from rm3d_plugin.datasets.downsampled import KeptPoints, keep_points
 from rm3d_plugin.datasets.files import intensity_limits
 from rm3d_plugin.datasets.semantic3d_format import GREATEST, LEAST
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.evaluation.point_fields import predicted_classes
+from rm3d_plugin.evaluation.point_fields import numpy_of, predicted_classes
 from rm3d_plugin.inference.predict_formats import ScanFile, ScanPrediction, check_format, output_name, write_prediction
 from rm3d_plugin.inference.trained import TrainedNetwork
 from rm3d_plugin.models.heads.proposals import Instances
@@ -169,15 +169,13 @@ class Segmenter:
         """
         thin, sample = self._predicted(cloud, name)
         kept = len(thin.kept)
-        probs = scatter_rows(sample.pred_point_probs.numpy(), sample.point_index.numpy(), kept, fill=0)
+        index = numpy_of(sample.point_index)
+        probs = scatter_rows(numpy_of(sample.pred_point_probs), index, kept, fill=0)
         found = None
         if 'pred_instance_masks' in sample:
-            masks = scatter_rows(sample.pred_instance_masks.numpy().T, sample.point_index.numpy(), kept, fill=0).T
-            found = Instances(
-                masks[:, thin.rows] & ~thin.stray,
-                sample.pred_instance_labels.numpy(),
-                sample.pred_instance_scores.numpy(),
-            )
+            masks = scatter_rows(numpy_of(sample.pred_instance_masks).T, index, kept, fill=0).T[:, thin.rows]
+            labels, scores = numpy_of(sample.pred_instance_labels), numpy_of(sample.pred_instance_scores)
+            found = Instances(masks & ~thin.stray, labels, scores)
         semantic, confidence = predicted_classes(probs), probs.max(axis=1, initial=0.0)
         if self.options.labels is not None:
             own = own_labels(self.options.labels, Path(name).stem, kept)
@@ -198,8 +196,8 @@ class Segmenter:
             SceneError: The cloud cannot be used.
         """
         thin, sample = self._predicted(cloud, name)
-        probs = sample.pred_point_probs.float().numpy()
-        return scatter_rows(probs, sample.point_index.numpy(), len(thin.kept), fill=np.nan)[thin.rows]
+        probs, index = numpy_of(sample.pred_point_probs), numpy_of(sample.point_index)
+        return scatter_rows(probs, index, len(thin.kept), fill=np.nan)[thin.rows]
 
     def _predicted(self, cloud: PointCloud, name: str) -> tuple[KeptPoints, Any]:
         world = cloud.xyz.astype(np.float64) + np.asarray(cloud.origin)

@@ -41,12 +41,12 @@ class RegionNumbers:
     ``seeds='none'`` there, both read the same partition from the cache.
 
     Args:
-        cache: Folder of prepared scenes.
+        cache: Folder of prepared scenes; None: nothing is written.
         settings: Further arguments of :class:`~rm3d_plugin.regions.geometry.SceneGeometry`.
     """
 
-    def __init__(self, cache: str | Path, **settings: Any) -> None:
-        self.geometry = SceneGeometry(SceneCache(cache), **settings)
+    def __init__(self, cache: str | Path | None = None, **settings: Any) -> None:
+        self.geometry = SceneGeometry(None if cache is None else SceneCache(cache), **settings)
         self._recent = RecentArrays()
 
     def __call__(self, results: Mapping[str, Any]) -> dict[str, Any]:

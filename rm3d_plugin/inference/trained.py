@@ -1,7 +1,7 @@
 """A trained network with what its run knew, from its checkpoint alone."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,7 +59,7 @@ def load_network(checkpoint: str | Path, device: str = 'cpu') -> TrainedNetwork:
     with _parts_of(checkpoint):
         model = MODELS.build(config.model)
         load_weights(model, state, checkpoint)
-        pipeline = [TRANSFORMS.build(step) for step in dataset.pipeline]
+        pipeline = [TRANSFORMS.build(step) for step in _without_folders(dataset.pipeline)]
         names = dataset.get('classes') or (state['meta'].get('dataset_meta') or {}).get('classes') or ()
         classes = tuple(map(str, names))
     return TrainedNetwork(model.to(find_device(device)).eval(), pipeline, config, classes)
@@ -75,6 +75,13 @@ def _config_of(state: dict[str, Any], checkpoint: str | Path) -> Config:
     if not whole:
         raise ConfigError(f'{checkpoint}: its config has no model or no val_dataloader with a pipeline')
     return config
+
+
+def _without_folders(config: Any) -> Any:
+    """The same parts without a ``cache``: a checkpoint does not choose a folder that is written to."""
+    if isinstance(config, Mapping):
+        return {name: None if name == 'cache' else _without_folders(value) for name, value in config.items()}
+    return [_without_folders(value) for value in config] if isinstance(config, list | tuple) else config
 
 
 @contextmanager

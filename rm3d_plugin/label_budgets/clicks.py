@@ -11,7 +11,7 @@ from rm3d_plugin.label_budgets.base import BudgetError, class_counts
 from rm3d_plugin.label_budgets.point_amount import PointAmount
 from rm3d_plugin.label_budgets.points import PointBudget, RowsOf, SceneSize, checked_budget
 from rm3d_plugin.ops.octree import Octree
-from rm3d_plugin.storage.click_files import Click
+from rm3d_plugin.storage.clicks import Click
 from rm3d_plugin.structures import PointCloud
 
 TOLERANCE = 0.05  # m between a clicked place and the nearest point

@@ -8,6 +8,7 @@ from torch import Tensor
 from rm3d_plugin.models.heads.vote_head import VoteOutput
 
 
+@runtime_checkable
 class FeatureOutput(Protocol):
     """What networks without classes say of points, too."""
 

@@ -21,7 +21,7 @@ class SceneGeometry:
     """Prepares scenes with given settings, and keeps them by content, so that all who ask alike share them.
 
     Args:
-        cache: Folder of prepared scenes.
+        cache: Folder of prepared scenes; None: each is made when it is asked for, and nothing is written.
         descriptor: Config of a descriptor provider.
         oversegmenter: Config of an over-segmenter.
         graph_neighbors: K, adjacent regions that each region keeps.
@@ -30,7 +30,7 @@ class SceneGeometry:
 
     def __init__(
         self,
-        cache: SceneCache,
+        cache: SceneCache | None,
         descriptor: Mapping[str, Any],
         oversegmenter: Mapping[str, Any],
         graph_neighbors: int = 8,
@@ -76,7 +76,7 @@ class SceneGeometry:
             )
             return scene.to_arrays()
 
-        return PreparedScene.from_arrays(self.cache.get_or_make(key, make))
+        return PreparedScene.from_arrays(make() if self.cache is None else self.cache.get_or_make(key, make))
 
 
 def _content(path: Path | None) -> np.ndarray | None:

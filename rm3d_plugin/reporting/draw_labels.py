@@ -13,7 +13,8 @@ import rm3d_plugin.datasets
 import rm3d_plugin.models  # noqa: F401  (both register their parts)
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.config_errors import config_errors
-from rm3d_plugin.inference.outputs import check_folder, check_targets
+from rm3d_plugin.engine.work_dir import check_folder
+from rm3d_plugin.inference.outputs import check_targets
 from rm3d_plugin.label_budgets import clicks_of
 from rm3d_plugin.labeling.point_source import PointBudgetSource
 from rm3d_plugin.labeling.sources import BoxBudgetSource, LabelSource

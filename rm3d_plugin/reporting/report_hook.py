@@ -16,6 +16,7 @@ from rm3d_plugin.datasets.base import Truth
 from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
+from rm3d_plugin.evaluation.point_fields import numpy_of
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.reporting.box_scenes import TRUTH, box_view
 from rm3d_plugin.reporting.merges import merge_report
@@ -186,9 +187,9 @@ def _detect(runner: Runner, item: dict[str, Any], min_score: float = 0.3) -> Box
     sample = _predict(runner, item)
     if 'pred_bboxes_3d' not in sample:
         raise SceneError(f'ReportHook: the prediction of scene {sample.get("scene_id")} has no pred_bboxes_3d')
-    scores = sample.pred_scores_3d.cpu().numpy()
-    boxes = Boxes3D(sample.pred_bboxes_3d.cpu().numpy(), sample.pred_labels_3d.cpu().numpy(), scores)
-    return boxes.select(scores >= min_score)
+    fields = (sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d)
+    boxes = Boxes3D(*map(numpy_of, fields))
+    return boxes.select(boxes.scores >= min_score)
 
 
 def _view(
@@ -209,9 +210,9 @@ def _segment(runner: Runner, item: dict[str, Any], points: int) -> tuple[np.ndar
     sample = _predict(runner, item)
     if 'pred_point_probs' not in sample:
         raise SceneError(f'ReportHook: the prediction of scene {sample.get("scene_id")} has no pred_point_probs')
-    index = sample.point_index.cpu().numpy() if 'point_index' in sample else None
-    classes = point_classes(sample.pred_point_probs.float().cpu().numpy(), index, points)
+    index = numpy_of(sample.point_index) if 'point_index' in sample else None
+    classes = point_classes(numpy_of(sample.pred_point_probs), index, points)
     if 'pred_instance_masks' not in sample:
         return classes, None
-    masks, scores = sample.pred_instance_masks.cpu().numpy(), sample.pred_instance_scores.cpu().numpy()
+    masks, scores = numpy_of(sample.pred_instance_masks), numpy_of(sample.pred_instance_scores)
     return classes, point_instances(masks, scores, index, points)

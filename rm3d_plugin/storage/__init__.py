@@ -1,6 +1,7 @@
 """The only file formats: atomic, versioned, hashed, without pickle."""
 
-from rm3d_plugin.storage.click_files import Click, ClickFileError, click_classes, read_clicks, write_clicks
+from rm3d_plugin.storage.click_files import click_classes, read_clicks, write_clicks
+from rm3d_plugin.storage.clicks import Click, ClickFileError
 from rm3d_plugin.storage.files import (
     DamagedFileError,
     atomic_write,
@@ -16,6 +17,7 @@ from rm3d_plugin.storage.files import (
     write_text,
 )
 from rm3d_plugin.storage.fingerprint import Fingerprinted
+from rm3d_plugin.storage.instance_box import InstanceBox
 from rm3d_plugin.storage.label_store import LabelStore, LabelStoreError, SceneEntry
 from rm3d_plugin.storage.scene_cache import SceneCache
 from rm3d_plugin.storage.sealed_json import read_sealed, write_sealed
@@ -25,6 +27,7 @@ __all__ = [
     'ClickFileError',
     'DamagedFileError',
     'Fingerprinted',
+    'InstanceBox',
     'LabelStore',
     'LabelStoreError',
     'SceneCache',

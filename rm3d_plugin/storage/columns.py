@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rm3d_plugin.storage.e57 import read_e57
-from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width
+from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width, holds_colors, holds_doubles
 from rm3d_plugin.storage.las import read_las
 from rm3d_plugin.storage.leica_text import PARTS as COLUMNS
 from rm3d_plugin.storage.leica_text import read_pts, read_ptx
@@ -76,7 +76,7 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
         reason = str(error).partition('. ')[0]  # what follows in numpy's message is advice to load unsafely
         raise SceneError(f'{path}: not readable as {path.suffix} ({type(error).__name__}: {reason})') from error
     for name, values in columns.items():
-        if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool):
+        if values.dtype.kind not in 'iufb':
             raise SceneError(f'{path}: {name}: expected numbers, got {values.dtype}')
     return columns
 
@@ -208,18 +208,31 @@ def _are_normals(vectors: np.ndarray) -> bool:
 
 def _bin(path: Path, names: str | None) -> dict[str, np.ndarray]:
     data = path.read_bytes()
-    if not names:
-        width = float_width(data, path.name)
-        names = RECORDS[width]
-        if width != USUAL:
-            warnings.warn(
-                f'{path}: read as {width} float32 a point, as its name or its numbers suggest; else say columns=',
-                stacklevel=4,
-            )
+    names = names or _record(data, path)
     width = len(names.split())
     if len(data) % (4 * width):
         raise SceneError(f'{path}: {len(data)} bytes are no multiple of {4 * width} (float32 {names}); cut off?')
     return _named(np.frombuffer(data, dtype='<f4').reshape(-1, width), path, names)
+
+
+def _record(data: bytes, path: Path) -> str:
+    """What a point of raw float32 numbers seems to hold.
+
+    Raises:
+        SceneError: The numbers are float64.
+    """
+    if holds_doubles(data):
+        raise SceneError(f'{path}: looks like float64 numbers; expected float32: save .astype(float32), or a .npy file')
+    width = float_width(data, path.name)
+    names = RECORDS[width]
+    if width == 6 and holds_colors(np.frombuffer(data, dtype='<f4').reshape(-1, 6)):
+        names = COLUMNS[6]
+    if width != USUAL:
+        warnings.warn(
+            f'{path}: read as {width} float32 a point ({names}), as its name or its numbers suggest; else say columns=',
+            stacklevel=5,
+        )
+    return names
 
 
 def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:

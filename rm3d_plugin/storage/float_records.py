@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from rm3d_plugin.structures import SceneError
 
@@ -16,6 +17,8 @@ RECORDS = {
 USUAL = 4
 _ENOUGH = 60  # points from which a width is told
 _LOOKED_AT = 1 << 14  # numbers
+_RINGS = 31  # the highest ring of a lidar of 32
+_ODD = 0.2  # share of numbers that make no sense
 _CLEAR = 0.2  # a width is told where the logarithm of the scatter within columns is so much lower
 
 
@@ -45,6 +48,30 @@ def float_width(data: bytes, name: str = '') -> int:
 def _scatter(numbers: np.ndarray, width: int) -> float:
     table = numbers[: len(numbers) // width * width].reshape(-1, width).astype(np.float64)
     return float(np.log(table.std(axis=0) + 1e-2).mean())
+
+
+def holds_colors(table: Float[np.ndarray, 'points 6']) -> bool:
+    """Whether records of six end in colours, as mmdetection3d's rooms do: whole numbers to 255, no ring, no time."""
+    last = table[:_LOOKED_AT, 3:6]
+    whole = len(last) > 0 and last.min() >= 0 and last.max() <= 255 and not (last % 1).any()
+    return bool(whole and last.max(axis=0).min() > _RINGS)
+
+
+def holds_doubles(data: bytes) -> bool:
+    """Whether bytes make sense as float64 and, to a fifth or more, none as float32.
+
+    Half of the bytes of a double are the end of its digits, which as float32 are of any size.
+    """
+    if len(data) % 24 and len(data) % 32:
+        return False
+    single, double = (np.frombuffer(data[: 8 * _LOOKED_AT], dtype=kind) for kind in ('<f4', '<f8'))
+    return bool(_sensible(double).all() and _sensible(single).mean() < 1 - _ODD)
+
+
+def _sensible(numbers: np.ndarray) -> np.ndarray:
+    size = np.abs(numbers)
+    found: np.ndarray = (size == 0) | ((size > 1e-9) & (size < 1e9))  # NaN compares as False
+    return found
 
 
 def check_float_width(data: bytes, width: int, path: Path) -> None:

@@ -105,6 +105,8 @@ def _native(values: np.ndarray) -> np.ndarray:
 def _binary_rows(body: bytes, at: int, element: Element, path: Path) -> tuple[int, np.ndarray]:
     """Where the element's rows end that begin at ``at``, and the rows without their lists."""
     kind, rows = element.kind, element.rows
+    if not element.properties:
+        return at, np.zeros(0)
     if not element.has_lists:
         end = at + rows * kind.itemsize
         if end <= len(body):
@@ -120,7 +122,7 @@ def _binary_rows(body: bytes, at: int, element: Element, path: Path) -> tuple[in
     end = _pack_rows(np.frombuffer(body, dtype=np.uint8), at, layout, rows, big, out)
     if end < 0:
         raise SceneError(f'{path}: the lists of element {element.name} run past the end of the file; copy it again')
-    return end, out.view(kind)
+    return end, out.view(kind) if kind.itemsize else np.zeros(0)  # of lists alone nothing is left
 
 
 @njit(cache=True)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from reference.toy_scenes import ToyRooms
 
-from rm3d_plugin.annotation import Click, ClickFileError, ClickLog, read_clicks, write_clicks
+from rm3d_plugin.annotation import Click, ClickFileError, ClickLog, InstanceBox, read_clicks, write_clicks
+from rm3d_plugin.annotation.click_log import Action
 from rm3d_plugin.label_budgets import clicks_of
 from rm3d_plugin.labeling import PointBudgetSource
 
@@ -187,4 +188,41 @@ def test_points_that_are_no_numbers_are_told(tmp_path, points):
     path = ClickLog(tmp_path / 's.jsonl', CLASSES).path
     path.write_text(path.read_text() + f'{{"click": 1, "scene": "s", "points": {points}, "class": "box"}}\n')
     with pytest.raises(ClickFileError, match='line 2: points: expected a list of numbers of points'):
+        ClickLog(path, CLASSES)
+
+
+def test_lines_of_one_action_are_taken_back_as_one_after_a_restart(tmp_path):
+    log = ClickLog(tmp_path / 's.jsonl', CLASSES)
+    log.add(click(1))
+    box = InstanceBox.at('s', 3, 2, np.array([4e5 + 1 / 3, 2, 1, 4, 2, 1.5, 0.1234567]))
+    assert log.act(Action([[click(2, 1)], [click(3, 2), click(4, 2)]], [box])) == [2, 3, 4]
+    rows = [json.loads(line) for line in log.path.read_text().splitlines()[2:]]
+    assert [row.get('with') for row in rows] == [None, 2, 2]
+    assert rows[2] == {
+        'box': 4, 'scene': 's', 'instance': 3, 'class': 'wall', 'center': [400000.3333, 2.0, 1.0],
+        'size': [4.0, 2.0, 1.5], 'yaw': 0.123457, 'with': 2,
+    }  # fmt: skip
+    again = ClickLog(log.path, CLASSES)
+    assert again.standing == log.standing == [[1], [2, 3, 4]] and again.boxes('s') == {3: box}
+    taken = again.take_back(again.standing[-1])
+    assert taken == Action([[click(2, 1)], [click(3, 2), click(4, 2)]], [box])
+    assert again.standing == ClickLog(log.path, CLASSES).standing == [[1]] and again.boxes('s') == {}
+    assert again.act(Action(boxes=[box])) == [5]
+    assert [c.index for c in read_clicks(log.path, CLASSES)] == [1]
+
+
+@pytest.mark.parametrize(
+    ('row', 'words'),
+    [
+        ('"instance": "a", "class": null', 'expected scene and instance of a box'),
+        ('"instance": 1, "class": "box", "center": [1, 2], "size": [1, 1, 1], "yaw": 0', 'center and size of three'),
+        ('"instance": 1, "class": "x", "center": [1, 2, 3], "size": [1, 1, 1], "yaw": 0', 'class: expected one of'),
+        ('"instance": 1, "class": "box", "center": [1, 2, 3], "size": [1, 0, 1], "yaw": 0', 'lengths above 0 m'),
+        ('"instance": 1, "class": null, "with": "a"', 'with: expected the number of a click or box'),
+    ],
+)
+def test_boxes_that_are_none_are_told(tmp_path, row, words):
+    path = ClickLog(tmp_path / 's.jsonl', CLASSES).path
+    path.write_text(path.read_text() + f'{{"box": 1, "scene": "s", {row}}}\n')
+    with pytest.raises(ClickFileError, match=words):
         ClickLog(path, CLASSES)

@@ -1,7 +1,5 @@
-"""The page: what a click does, without a browser; and in a real one where there is one."""
+"""The page: what a click does, without a browser."""
 
-import shutil
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,10 +10,7 @@ from rm3d_plugin.annotation import Session, read_clicks
 from rm3d_plugin.storage.ply import read_ply, write_ply
 
 pytest.importorskip('viser', reason='the page needs rm3d_plugin[annotate]')
-from rm3d_plugin.annotation.page import AnnotationPage  # noqa: E402
-
-CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
-GRAPHICS = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']
+from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # noqa: E402
 
 
 class Client:
@@ -23,7 +18,10 @@ class Client:
 
     def __init__(self):
         self.told = []
-        self.camera = SimpleNamespace(position=np.array([0.0, 0.0, 20.0]), look_at=np.zeros(3))
+        down = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x: the picture's right is x, its down is -y
+        self.camera = SimpleNamespace(
+            position=np.array([1.5, 1.5, 20.0]), look_at=np.array([1.5, 1.5, 0.0]), wxyz=down, fov=0.3, aspect=1.0
+        )
 
     def add_notification(self, title, text, **options):
         self.told.append(text)
@@ -35,7 +33,7 @@ def opened(tmp_path):
     xyz, semantic = corner((4e5, 5e6, 100.0))
     path = write_ply(tmp_path / 'corner.ply', {axis: xyz[:, i] for i, axis in enumerate('xyz')})
     with Session([path], classes=['floor', 'wall']) as session:
-        page = AnnotationPage(session, tmp_path / 'out', port=18080)
+        page = AnnotationPage(session, Outputs(tmp_path / 'out'), port=18080)
         yield page, semantic
         page.stop()
 
@@ -49,7 +47,7 @@ def at(page, point, client=None):
 
 def test_a_click_labels_the_point_under_it_and_the_picture_follows(opened):
     page, semantic = opened
-    points, click = few(semantic, 1), page._guarded(page._clicked)
+    points, click = few(semantic, 1), page.guarded(page._clicked)
     for number, name in enumerate(page.session.classes):
         page._class.value = name
         click(at(page, points[number]))
@@ -67,9 +65,9 @@ def test_what_cannot_be_is_said_on_the_page(opened):
     page, semantic = opened
     client = Client()
     away = SimpleNamespace(client=client, ray_origin=(0.0, 0.0, 50.0), ray_direction=(0.0, 0.0, 1.0))
-    page._guarded(page._clicked)(away)
-    page._guarded(lambda event: page._save(event.client))(SimpleNamespace(client=client))
-    page._guarded(lambda event: page._undo(event.client))(SimpleNamespace(client=client))
+    page.guarded(page._clicked)(away)
+    page.guarded(lambda event: page._save(event.client))(SimpleNamespace(client=client))
+    page.guarded(lambda event: page._undo(event.client))(SimpleNamespace(client=client))
     assert client.told[0] == 'no point there: click on a point of the scan'
     assert client.told[1] == 'nothing to save: no point is labelled yet'
     assert client.told[2] == 'nothing to undo'
@@ -81,16 +79,16 @@ def test_a_scan_that_cannot_be_read_is_said_and_the_one_before_stays(tmp_path):
     scans = [write_ply(tmp_path / 'corner.ply', columns)]
     scans.append(write_ply(tmp_path / 'empty.ply', {axis: values[:0] for axis, values in columns.items()}))
     with Session(scans, classes=['floor']) as session:
-        page, client = AnnotationPage(session, tmp_path / 'out', port=18080), Client()
+        page, client = AnnotationPage(session, Outputs(tmp_path / 'out'), port=18080), Client()
         page._scan.value = 'empty'
-        page._guarded(lambda event: page._switch('empty'))(SimpleNamespace(client=client))
-        assert 'holds no points' in client.told[-1] and page._scan.value == page._name == 'corner'
+        page.guarded(lambda event: page._switch('empty'))(SimpleNamespace(client=client))
+        assert 'holds no points' in client.told[-1] and page._scan.value == page.name == 'corner'
         page.stop()
 
 
 def test_a_full_disk_is_said_and_loses_nothing(opened, monkeypatch):
     page, semantic = opened
-    client, click = Client(), page._guarded(page._clicked)
+    client, click = Client(), page.guarded(page._clicked)
     click(at(page, few(semantic, 1)[0], client))
 
     def full(*arguments):
@@ -115,43 +113,76 @@ def test_the_suggestion_is_shown_and_the_labels_settle_with_what_is_known_of_the
     page._settle()
     assert 'from 12 of your clicks' in page._status.content
     page._save(client)
-    saved = read_ply(page._out / 'corner.ply')
+    saved = read_ply(page._out.folder / 'corner.ply')
     assert (saved['label'] == semantic).mean() > 0.9 and 'saved: ' in client.told[-1]
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason='no chromium on this machine')
-def test_in_a_browser(opened):
-    playwright = pytest.importorskip('playwright.sync_api', reason='needs playwright')
+def test_a_lasso_labels_what_it_holds(opened):
+    page, semantic = opened
+    client, xyz = Client(), page.session.scan('corner').cloud.xyz
+    page._tool.value = 'lasso'
+    half = 20 * np.tan(0.15)
+    corners = [(0.3, 0.3), (2.0, 0.3), (2.0, 2.0), (0.3, 2.0), (0.3, 0.3)]  # on the floor, metres
+    for x, y in corners:
+        place = np.array([x, y, 0.0]) + [*xyz[semantic == 0].min(axis=0)[:2], 0]
+        at_eye = place - client.camera.position
+        screen = (0.5 + at_eye[0] / (2 * half), 0.5 - at_eye[1] / (2 * half))
+        page.guarded(page._clicked)(
+            SimpleNamespace(
+                client=client, screen_pos=screen, ray_origin=tuple(client.camera.position), ray_direction=tuple(at_eye)
+            )
+        )
+    found = np.flatnonzero(page.session.scan('corner').annotated >= 0)
+    local = xyz[found] - xyz[semantic == 0].min(axis=0)
+    assert 200 < len(found) <= 18 * 18 and (semantic[found] == 0).all()
+    assert (local[:, :2] > 0.25).all() and (local[:, :2] < 2.05).all()
+    assert len(page._corners) == 0 and page.session.undo() and not page.session.log.clicks
+    page.guarded(lambda event: page._close_lasso(event.client))(SimpleNamespace(client=client))
+    assert client.told[-1].startswith('no point in the lasso')
+
+
+def test_an_object_gets_clicks_a_box_and_another_place_by_its_handles(opened):
+    page, semantic = opened
+    client, objects = Client(), page.session.objects
+    page._class.value = 'wall'
+    page.guarded(page.objects.fit)(SimpleNamespace(client=client))
+    assert client.told[-1] == 'choose an object first, or begin one: key n'
+    page.objects.begin(None)
+    assert page.objects.number == 0 and page.objects._object.value == '0: new'
+    for point in np.flatnonzero(semantic == 1)[::300]:
+        page._clicked(at(page, point))
+    page._class.value = 'floor'
+    page.objects._object.value = 'none'
+    for point in np.flatnonzero(semantic == 0)[::300]:
+        page._clicked(at(page, point))
+    page.objects._object.value = '0: wall'
+    page.objects.fit(None)
+    fitted = np.array(objects.boxes('corner')[0].row)
+    np.testing.assert_allclose(fitted[3:6], [2.9, 0.05, 2.9], atol=0.3)
+    target = SimpleNamespace(wxyz=(np.cos(0.05), 0.0, 0.0, np.sin(0.05)), position=page.objects._handles.position)
+    page.objects._moved(SimpleNamespace(phase='update', target=target))
+    assert tuple(fitted) == objects.boxes('corner')[0].row
+    page.objects._moved(SimpleNamespace(phase='end', target=target))
+    moved = np.array(objects.boxes('corner')[0].row)
+    np.testing.assert_allclose(moved, [*fitted[:6], 0.1], atol=1e-3)
+    page.objects._size.value = (3.0, 1.0, 4.0)
+    page.objects._resized(None)
+    sized = np.array(objects.boxes('corner')[0].row)
+    np.testing.assert_allclose(sized[3:6], [3, 1, 4], atol=1e-3)
+    np.testing.assert_allclose(sized[2] - 2, moved[2] - moved[5] / 2, atol=1e-3)  # it stands where it stood
+    page.objects._export(SimpleNamespace(client=client))
+    page.objects._file.value = str(page._out.folder / 'boxes' / 'labels' / 'corner.txt')
+    page.objects._import(SimpleNamespace(client=client))
+    assert client.told[-1] == '1 boxes of corner.txt' and sorted(objects.boxes('corner')) == [0, 1]
+    page._undo(client)
+    assert sorted(objects.boxes('corner')) == [0]
+
+
+def test_a_second_tab_is_told(opened, monkeypatch):
     page, _ = opened
-    log, names = page.session.log.path, page.session.classes
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=GRAPHICS)
-        tab = browser.new_page(viewport={'width': 900, 'height': 600})
-        tab.set_default_timeout(120_000)
-        tab.goto(page.url)
-        tab.wait_for_selector('text=Where to click next')
-        clicked = False
-        for _ in range(10):  # until the scene stands
-            tab.mouse.click(300, 320)
-            clicked = clicked or _within(5, lambda: len(page.session.log.clicks) > 0)
-            if clicked:
-                break
-        assert clicked and read_clicks(log, names)[0].semantic == 0
-        tab.wait_for_selector('text=every click is kept')
-        before = len(page.session.log.clicks)
-        tab.get_by_role('button', name='Undo').click()
-        assert _within(60, lambda: len(page.session.log.clicks) == before - 1)
-        tab.get_by_role('button', name='Redo').click()
-        assert _within(60, lambda: len(page.session.log.clicks) == before)
-        tab.get_by_role('button', name='Save').click()
-        assert _within(60, lambda: (page._out / 'corner.ply').exists())
-        browser.close()
-    with Session([log.with_name('corner.ply')], log=log) as again:  # as after a reload
-        assert len(again.log.clicks) == before
-
-
-def _within(seconds, done):
-    ends = time.monotonic() + seconds
-    while not done() and time.monotonic() < ends:
-        time.sleep(0.1)
-    return done()
+    clients = {0: Client(), 1: Client()}
+    monkeypatch.setattr(page.server, 'get_clients', lambda: clients)
+    page._joined(clients[1])
+    assert [each.told for each in clients.values()] == 2 * [
+        ['this page is open twice: both change one and the same session']
+    ]

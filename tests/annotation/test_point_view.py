@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from rm3d_plugin.annotation.point_view import Camera, colors_by, point_hit, points_in_rectangle
+from rm3d_plugin.annotation.point_view import (
+    Camera,
+    clearest_way,
+    colors_by,
+    point_hit,
+    points_in_lasso,
+    points_in_rectangle,
+)
 from rm3d_plugin.inference.label_scan import LabelledScan
 from rm3d_plugin.structures import PointCloud
 
@@ -65,3 +72,23 @@ def test_colours_tell_what_they_are_asked_for():
     np.testing.assert_array_equal(
         colors_by('intensity', cloud, labels, palette), colors_by('height', cloud, labels, palette)
     )  # it has none
+
+
+def test_a_place_under_a_roof_is_looked_at_from_the_side():
+    place, up = np.zeros(3), np.array([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(clearest_way(FLOOR, place, up, 1.5), up)
+    low_roof = FLOOR[(np.abs(FLOOR[:, :2]) < 1.1).all(axis=1)] + np.array([0.0, 0.0, 0.9], np.float32)
+    way = clearest_way(np.concatenate([FLOOR, low_roof]), place, up, 1.5)
+    assert np.linalg.norm(way) == pytest.approx(1) and way[2] == pytest.approx(np.sin(np.deg2rad(20)))
+
+
+def test_a_lasso_holds_what_a_polygon_of_the_picture_shows():
+    camera = Camera(np.array(EYE), DOWN, 2 * np.arctan(0.2), 1.0)  # the picture is 4 m wide at the floor
+    triangle = np.array([(0.5, 0.25), (0.75, 0.5), (0.5, 0.5)])  # corners (0, 1), (1, 0) and (0, 0) on the floor
+    found = points_in_lasso(
+        np.concatenate([FLOOR, FLOOR + [0, 0, 50.0]]), camera, triangle
+    )  # others are behind the eye
+    x, y = FLOOR[:, 0], FLOOR[:, 1]
+    strictly = (x > 1e-3) & (y > 1e-3) & (x + y < 1 - 1e-3)
+    edge = (x > -1e-3) & (y > -1e-3) & (x + y < 1 + 1e-3)
+    assert set(np.flatnonzero(strictly)) <= set(found) <= set(np.flatnonzero(edge))

@@ -1,9 +1,6 @@
 """A session without any web: every action is answered from the disk's point of view, and labels follow."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -86,23 +83,6 @@ def test_every_answered_action_is_on_the_disk(scan):
     with Session([path]) as again:
         assert again.classes == ('floor', 'wall') and annotated_points(again) == expected
         assert {click.index: click.semantic for click in read_clicks(log, names)} == expected
-
-
-def test_a_killed_session_keeps_every_answered_action(scan):
-    script, log = Path(__file__).with_name('killed_session.py'), scan[0].with_name('corner.clicks.jsonl')
-    for seed in range(2):
-        command = [sys.executable, str(script), str(scan[0]), str(seed)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-            told = [process.stdout.readline() for _ in range(40)]
-            process.kill()
-            told += process.stdout.readlines()
-        answered = {
-            int(point): own for point, own in json.loads([row for row in told if row.endswith(b'\n')][-1]).items()
-        }
-        found = [{click.index: click.semantic for click in ClickLog(log).clicks}]
-        log.write_bytes(b''.join(log.read_bytes().splitlines(keepends=True)[:-1]))
-        found.append({click.index: click.semantic for click in ClickLog(log).clicks})
-        assert answered in found  # one more action may be there, which was not answered
 
 
 def test_a_region_is_labelled_as_a_whole(scan):
@@ -270,3 +250,30 @@ def test_classes_have_colours_that_stay(scan):
         assert annotated_points(again) == {3: 2}
     rows = [json.loads(line) for line in again.log.path.read_text().splitlines()]
     assert rows[-1] == {'rename': 'roof', 'to': 'gable'}
+
+
+def test_points_without_a_place_stay_without_a_label(scan, tmp_path):
+    columns = dict(read_ply(scan[0]))
+    columns['x'] = columns['x'].copy()
+    columns['x'][:7] = np.nan
+    path = write_ply(tmp_path / 'holes.ply', columns)
+    with started(path) as session, pytest.raises(SceneError, match='7 of 1800 points are NaN'):
+        session.scan('holes')
+    with pytest.warns(UserWarning, match='they are dropped'), started(path, drop_nan=True) as session:
+        session.click('holes', 10, 'floor')
+        session.click('holes', 1700, 'wall')
+        assert len(session.labels('holes').semantic) == 1793
+        (written,) = session.save(tmp_path / 'out')
+    labels = read_ply(written)
+    assert labels['label'][:7].tolist() == labels['region'][:7].tolist() == [-1] * 7
+    assert labels['label'][[17, 1707]].tolist() == [0, 1] and (labels['label'][7:] >= 0).all()
+
+
+def test_an_import_is_one_undo_after_a_restart_too(scan, tmp_path):
+    exported = tmp_path / 'clicks.csv'
+    exported.write_text('scene,index,class\ncorner,1,floor\ncorner,2,wall\n')
+    with started(scan[0]) as session:
+        session.click('corner', 5, 'floor')
+        session.import_clicks(exported)
+    with started(scan[0]) as again:
+        assert again.undo() and annotated_points(again) == {5: FLOOR}

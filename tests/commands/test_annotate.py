@@ -1,21 +1,15 @@
-"""``rm3d annotate`` without a page: what it refuses; and the annotator that is made up to measure it."""
+"""``rm3d annotate`` without a page: what it refuses; and the benchmark that measures it."""
 
 import sys
 
 import numpy as np
 import pytest
-from reference.corner_scan import corner
 
 from rm3d_plugin.annotation.demo_room import write_demo_room
-from rm3d_plugin.annotation.suggestions import Suggester
 from rm3d_plugin.commands.annotate import main
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments.benchmarks import clicks_to_quality as bench
-from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan
-from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
-from rm3d_plugin.pseudo_labels.propagation.live import LivePropagation
 from rm3d_plugin.storage.ply import read_ply
-from rm3d_plugin.structures import PointCloud
 
 
 @pytest.mark.parametrize('words', [[], ['scan.ply', '--demo']])
@@ -38,23 +32,6 @@ def test_the_demo_room_is_written_once(tmp_path, monkeypatch):
     assert read_ply(path)['red'].tolist() == [7] * 9
     path.write_text('mine')
     assert write_demo_room(tmp_path / 'demo').read_text() == 'mine'
-
-
-def test_the_annotator_clicks_as_told_and_is_scored_on_known_points():
-    xyz, semantic = corner()
-    semantic = semantic.copy()
-    semantic[::7] = -1
-    scan = Scan('corner', PointCloud(xyz), semantic)
-    live = LivePropagation(prepare_cloud(scan.cloud))
-    curves = {name: curve for name, _, curve in bench.curves_of(scan, list(bench.SCORES), [0], 6)}
-    assert set(curves) == {*bench.SCORES, bench.NEAREST} and all(len(curve) == 6 for curve in curves.values())
-    assert curves['ours'][1] > 85 > 70 > curves['ours'][0]  # the second click is on the other class
-    suggester = Suggester(live)
-    clicked = bench.clicked_points(scan, live, bench.choose_by('ours', scan, live, suggester, 0), 6, 0)
-    assert len(set(clicked.tolist())) == 6 and (semantic[clicked] >= 0).all()
-    said = live.answer(np.sort(clicked), semantic[np.sort(clicked)], 2).shares.argmax(axis=1)
-    right = np.mean([said[i] == semantic[i] for i in range(len(xyz)) if semantic[i] >= 0])
-    assert curves['ours'][-1] == pytest.approx(100 * right)
 
 
 def test_goals_that_most_runs_miss_are_said_to_be_over():

@@ -10,12 +10,15 @@ import pytest
 from reference.rooms import make_room
 
 from rm3d_plugin.commands.main import run as run_command
-from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.inference.oversegment import oversegment_file, read_annotated_labels
+from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.inference.oversegment import SHIPPED, build_part, oversegment_file, read_annotated_labels
 from rm3d_plugin.label_budgets import BudgetError
+from rm3d_plugin.regions.prepare import prepare_scene
+from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
 from rm3d_plugin.storage import ClickFileError, read_npz
 from rm3d_plugin.storage.ply import read_ply
 from rm3d_plugin.storage.scans import read_cloud
+from rm3d_plugin.structures import PointCloud
 from rm3d_plugin.visualization.scene_view import MAX_POINTS
 
 TOOL = Path(__file__).resolve().parents[2] / 'tools' / 'oversegment.py'
@@ -60,6 +63,18 @@ def test_lidar_preset_takes_the_ground_off(tmp_path):
     regions = oversegment_file(tmp_path / 'a.bin', tmp_path / 'a.npz', preset='lidar')
     assert (regions.labels[: len(grid)] == -1).mean() > 0.95
     assert (regions.labels[len(grid) :] >= 0).mean() > 0.8
+
+
+@pytest.mark.parametrize('preset', ['outdoor', 'airborne'])
+def test_presets_of_shipped_configs(scan, tmp_path, preset):
+    label_maker = load_config(SHIPPED[preset]).label_maker
+    regions = oversegment_file(scan, tmp_path / 'r.npz', preset=preset)
+    parts = DESCRIPTORS.build(label_maker.descriptor), OVERSEGMENTERS.build(label_maker.oversegmenter)
+    expected = prepare_scene(PointCloud(np.load(scan)), *parts).regions
+    np.testing.assert_array_equal(regions.labels, expected.labels)
+    with pytest.raises(ConfigError, match=f"FPFH: preset: expected one of .'indoor', 'lidar'., got '{preset}'"):
+        oversegment_file(scan, tmp_path / 'r.npz', 'FPFH', preset=preset)
+    assert build_part(DESCRIPTORS, None, preset, {'radius': 3.0}).radius == 3.0
 
 
 def test_html_is_complete_by_itself(scan, tmp_path):

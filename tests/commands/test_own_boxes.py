@@ -4,6 +4,8 @@ from pathlib import Path
 
 from reference.harbour import make_harbour
 
+from rm3d_plugin.annotation import Session
+from rm3d_plugin.annotation.box_exchange import export_boxes, import_boxes
 from rm3d_plugin.datasets.box_formats import BOX_FORMATS
 
 CONFIG = Path(__file__).resolve().parents[2] / 'configs' / 'rm3d_votenet_files_boxes.py'
@@ -13,8 +15,19 @@ TINY = (
 )
 
 
+def through_a_session(world, root):
+    """The same scans with their boxes as the labelling assistant writes them."""
+    scans = sorted((world / 'points').iterdir())
+    with Session(scans, root / 'clicks.jsonl') as session:
+        for scan in scans:
+            import_boxes(session.objects, scan.stem, [world / 'labels' / f'{scan.stem}.txt'])
+        export_boxes(session, root)
+    (root / 'val.txt').write_text((world / 'val.txt').read_text())
+    return root
+
+
 def test_from_boxes_of_a_labelling_tool_to_boxes_of_other_scans(call, tmp_path):
-    world = make_harbour(tmp_path / 'harbour')
+    world = through_a_session(make_harbour(tmp_path / 'harbour'), tmp_path / 'exported')
     (world / 'labels' / '001.txt').unlink()  # nobody labelled it
     options = ['--cfg-options', f'data_root={world}', f'cache_dir={tmp_path / "cache"}', *TINY.split()]
     code, output = call('train', CONFIG, '--work-dir', tmp_path / 'run', *options)

@@ -8,6 +8,7 @@ import rm3d_plugin
 from rm3d_plugin.engine.config import ConfigError, load_config, resolve, unknown_options
 from rm3d_plugin.engine.config_files import find_config, shipped_configs, shipped_leaves
 from rm3d_plugin.engine.renamed_options import RENAMED
+from rm3d_plugin.engine.run import check_data, check_optimizer
 
 LEAF = """
 _base_ = ['./base.py']
@@ -63,6 +64,35 @@ def test_options_reach_below_a_reference_only_at_its_source(leaf):
 def test_options_that_name_no_key_are_refused(leaf, key):
     with pytest.raises(ConfigError, match=rf'--cfg-options {key}: no such key.*data_root'):
         load_config(leaf, options={key: 1, 'seed': 2})
+
+
+@pytest.mark.parametrize(
+    ('option', 'said'),
+    [
+        ({'log_level': 'foo'}, "log_level: expected DEBUG or INFO or WARNING or ERROR or CRITICAL, got 'foo'"),
+        ({'default_scope': 'foo'}, "default_scope: expected rm3d_plugin, got 'foo'"),
+        ({'batch_sise': 4}, r'--cfg-options batch_sise: no such key in the config; did you mean batch_size\?'),
+    ],
+)
+def test_words_that_are_none_are_told(option, said):
+    with pytest.raises(ConfigError, match=said):
+        load_config('rm3d_sem_files_streets_clicks', options=option)
+
+
+def test_an_unknown_optimizer_is_told():
+    config = Config({'optim_wrapper': {'optimizer': {'type': 'SGDD'}}})
+    with pytest.raises(ConfigError, match=r"optim_wrapper\.optimizer\.type: expected one of .*SGD, .*; got 'SGDD'"):
+        check_optimizer(config)
+    config.optim_wrapper.optimizer.type = 'SGD'
+    check_optimizer(config)
+
+
+def test_a_cache_that_is_a_file_is_told_before_scenes_are_prepared(tmp_path):
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(
+        ConfigError, match=f'cache_dir {tmp_path}/file/geometry: {tmp_path}/file is a file; name a folder'
+    ):
+        check_data(Config({'cache_dir': str(tmp_path / 'file' / 'geometry')}))
 
 
 def test_unknown_options_lists_them():

@@ -138,6 +138,18 @@ def test_any_integer_type_counts_alike(kind):
     assert [getattr(got, name) for name in names] == [getattr(want, name) for name in names]
 
 
+def test_hashes_are_numbers_and_255_is_a_class_where_there_are_as_many():
+    rng = np.random.default_rng(5)
+    xyz, classes, regions = rng.random((100, 3)), rng.integers(0, 300, 100), rng.integers(0, 9, 100)
+    classes[:9] = 255
+    want = boundary_counts(xyz, classes, regions, 300)
+    hashes = regions.astype(np.uint64) + np.uint64(2**64 - 9)
+    got = boundary_counts(xyz, classes.astype(np.uint16), hashes, 300)
+    assert got.regions == 9 and (got.true_edges, got.region_edges) == (want.true_edges, want.region_edges)
+    np.testing.assert_array_equal(got.confusion, want.confusion)
+    assert got.confusion[255].sum() == (classes == 255).sum() and got.confusion.sum() == 100
+
+
 def test_what_has_no_object_is_the_stuff_of_its_class():
     xyz = np.arange(6.0)[:, None] * [1, 0, 0]
     classes = np.array([0, 0, 1, 1, 1, 1])

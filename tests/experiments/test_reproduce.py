@@ -78,6 +78,7 @@ def test_measured_tables_of_labels_have_both_strategies_and_what_is_trivial():
         'descriptors-overseg',
         'descriptors-matching',
         'robustness-card',
+        'clicks-to-quality',
         'octree',
         'figures',
     }

@@ -131,6 +131,18 @@ def test_a_prediction_runs_nothing_of_a_stranger(tmp_path, evil, change, code, c
     assert (tmp_path / 'out' / 'scan.ply').exists() == (code == 0)
 
 
+def test_a_prediction_writes_into_no_folder_of_a_stranger(tmp_path):
+    part = dict(descriptor=dict(type='AdaptedPFH', radius=2.0), oversegmenter=dict(type='RegionGrowing', max_edge=1.0))
+
+    def change(config):
+        pipeline = config['val_dataloader']['dataset']['pipeline']
+        pipeline.insert(0, dict(type='RegionNumbers', cache=str(tmp_path / 'named'), **part))
+
+    path, scan = changed(make_checkpoint(tmp_path / 'net.pth'), change), make_scan(tmp_path / 'scan.ply')
+    assert run('predict', [str(path), str(scan), '--out', str(tmp_path / 'out')]) == 0
+    assert not (tmp_path / 'named').exists() and (tmp_path / 'out' / 'scan.ply').exists()
+
+
 def test_a_config_as_text_is_not_run_on_resuming(tmp_path):
     """mmengine runs ``meta.config`` of a checkpoint that it resumes."""
     ran = tmp_path / 'ran'

@@ -8,7 +8,8 @@ import pytest
 from runs.random_segmentor import make_checkpoint, make_scan
 
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.inference.outputs import check_folder, check_targets
+from rm3d_plugin.engine.work_dir import check_folder
+from rm3d_plugin.inference.outputs import check_targets
 from rm3d_plugin.inference.oversegment import oversegment_file
 from rm3d_plugin.inference.predict import predict_files
 from rm3d_plugin.storage.files import atomic_write

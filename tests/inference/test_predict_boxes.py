@@ -69,6 +69,23 @@ def test_every_scan_gives_the_network_one_strength_in_0_to_1(tmp_path):
     np.testing.assert_allclose(bright.model.points[:, 3], np.linspace(0, 1, 50), atol=1e-6)
 
 
+def test_boxes_in_bfloat16(monkeypatch):
+    asked = OneBox.test_step
+
+    def rounded(self, batch):
+        (sample,) = asked(self, batch)
+        sample.pred_bboxes_3d, sample.pred_scores_3d = (
+            sample.pred_bboxes_3d.bfloat16(),
+            sample.pred_scores_3d.bfloat16(),
+        )
+        return [sample]
+
+    monkeypatch.setattr(OneBox, 'test_step', rounded)
+    boxes = detector().detect(PointCloud(np.full((4, 3), 1.5, dtype=np.float32)))
+    np.testing.assert_array_equal(boxes.tensor, [[1.5, 1.5, 1.5, 2, 1, 1, 0.5]])
+    np.testing.assert_allclose(boxes.scores, [0.7], atol=0.002)
+
+
 def test_what_lies_outside_the_range_is_left_out(tmp_path):
     path, _ = scan(tmp_path / 'a.ply')
     near = detector(point_range=(-2, -2, -2, 2, 2, 2))

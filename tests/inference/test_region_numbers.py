@@ -39,6 +39,7 @@ def test_the_numbers_are_those_of_the_prepared_scene(tmp_path):
     before = stored.stat().st_mtime_ns
     assert np.array_equal(RegionNumbers(tmp_path, **SETTINGS)(item(two_walls()))['region'], made['region'])
     assert stored.stat().st_mtime_ns == before  # read, not made again
+    assert np.array_equal(RegionNumbers(**SETTINGS)(item(two_walls()))['region'], made['region'])
 
     kept = select_points(made, np.array([799, 5]))
     assert kept['region'].tolist() == [1, 0]

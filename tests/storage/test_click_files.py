@@ -5,7 +5,7 @@ import json
 import pytest
 
 from rm3d_plugin.storage import Click, ClickFileError, click_classes, read_clicks, write_clicks
-from rm3d_plugin.storage.click_files import read_click_log
+from rm3d_plugin.storage.click_log_lines import read_click_log
 
 CLASSES = ('floor', 'wall', '7', 'chair, red')
 HEAD = '{"kind": "clicks", "format": 1}\n'

@@ -1,6 +1,7 @@
 """Named columns of every kind of file, against other readers and by hand."""
 
 import builtins
+import struct
 
 import numpy as np
 import pytest
@@ -287,3 +288,50 @@ def test_native_files_of_oakland_are_tables_with_names(tmp_path):
     same = tmp_path / 'same.txt'
     same.write_bytes(path.read_bytes())
     assert read_scan(same, labels=True).label.tolist() == [1302, 1103]
+
+
+def test_six_floats_are_colours_where_they_look_like_them(tmp_path):
+    rng = np.random.default_rng(0)
+    place, colors = rng.uniform(-4, 4, (80, 3)), rng.integers(0, 256, (80, 3))
+    np.c_[place, colors].astype('<f4').tofile(tmp_path / 'room.bin')
+    with pytest.warns(UserWarning, match=r'6 float32 a point \(x y z red green blue\)'):
+        cloud = read_cloud(tmp_path / 'room.bin')
+    np.testing.assert_allclose(cloud.colors, colors / 255, atol=1e-6)
+    ringed = np.c_[place, rng.integers(0, 256, 80), np.arange(80) % 32, np.linspace(0, 0.5, 80)]
+    ringed.astype('<f4').tofile(tmp_path / 'sweeps.bin')
+    with pytest.warns(UserWarning, match=r'x y z intensity - -'):
+        cloud = read_cloud(tmp_path / 'sweeps.bin')
+    assert cloud.colors is None
+    np.testing.assert_array_equal(cloud.intensity, ringed[:, 3])
+
+
+@pytest.mark.parametrize('width', [3, 4])
+def test_doubles_are_told(tmp_path, width):
+    table = np.random.default_rng(0).uniform(-40, 40, (90, width))
+    table.tofile(tmp_path / 'a.bin')
+    with pytest.raises(SceneError, match=r'a\.bin: looks like float64 numbers; expected float32'):
+        read_cloud(tmp_path / 'a.bin')
+    single = table.astype('<f4')
+    single[::10] = np.nan  # as many as some scanners leave, and still no doubles
+    single.tofile(tmp_path / 'b.bin')
+    with pytest.raises(SceneError, match='NaN or infinite'):
+        read_cloud(tmp_path / 'b.bin', 'x y z intensity'[: 2 * width - 1] if width == 3 else None)
+
+
+def test_complex_numbers_are_refused(tmp_path):
+    np.save(tmp_path / 'a.npy', np.ones((4, 3), dtype=complex))
+    with pytest.raises(SceneError, match=r'a\.npy: x: expected numbers, got complex128'):
+        read_cloud(tmp_path / 'a.npy')
+
+
+@pytest.mark.parametrize('order', ['<', '>'])
+def test_faces_and_empty_elements_before_the_vertices(tmp_path, order):
+    header = (
+        f'ply\nformat binary_{"little" if order == "<" else "big"}_endian 1.0\nelement mesh 2\nelement face 2\n'
+        'property list uchar int vertex_indices\nelement vertex 2\nproperty float x\nproperty list uchar short n\n'
+        'property float y\nproperty double z\nend_header\n'
+    )
+    faces = struct.pack(f'{order}B3iB2i', 3, 0, 1, 0, 2, 1, 0)
+    rows = struct.pack(f'{order}fBhfd', 1, 1, 7, 2, 3) + struct.pack(f'{order}fBfd', 4, 0, 5, 6)
+    (tmp_path / 'a.ply').write_bytes(header.encode() + faces + rows)
+    np.testing.assert_array_equal(read_cloud(tmp_path / 'a.ply').xyz, [[1, 2, 3], [4, 5, 6]])

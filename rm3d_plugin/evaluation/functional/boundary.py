@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int, Integer
 from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.ops.segment import segment_majority
 
-IGNORED = (-1, 255)  # true labels that say nothing
+IGNORED = (-1, 255)  # true labels that say nothing, where they are no class
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +93,8 @@ def boundary_counts(
 
     Args:
         xyz: (N, 3) metres.
-        classes: True class 0..C-1 of each point, of any integer type; -1 and 255 are ignored: edges that
-            touch them count nowhere.
+        classes: True class 0..C-1 of each point, of any integer type; -1 and, up to 255 classes, 255 are ignored: edges
+            that touch them count nowhere.
         regions: Region of each point; -1 = discarded, which is never the correct class.
         num_classes: C.
         objects: True object of each point where known, -1 = none: the class's stuff, which is one object for each
@@ -105,7 +105,7 @@ def boundary_counts(
     Raises:
         ValueError: A length differs, a class is out of range, or a number is not usable.
     """
-    classes, regions = (np.asarray(values).astype(np.int64) for values in (classes, regions))
+    classes, regions = np.asarray(classes).astype(np.int64), _numbered(np.asarray(regions))
     if not len(xyz) == len(classes) == len(regions) or (objects is not None and len(objects) != len(xyz)):
         raise ValueError(
             f'boundary_counts: {len(xyz)} points, {len(classes)} classes, {len(regions)} regions'
@@ -113,7 +113,7 @@ def boundary_counts(
         )
     if neighbors < 1 or tolerance < 0:
         raise ValueError(f'boundary_counts: expected neighbors >= 1, tolerance >= 0, got {neighbors}, {tolerance}')
-    known = ~np.isin(classes, IGNORED)
+    known = ~np.isin(classes, [value for value in IGNORED if not 0 <= value < num_classes])
     if known.any() and not 0 <= classes[known].min() <= classes[known].max() < num_classes:
         span = f'{classes[known].min()}..{classes[known].max()}'
         raise ValueError(f'boundary_counts: classes: expected 0..{num_classes - 1}, -1 or 255, got {span}')
@@ -134,8 +134,12 @@ def boundary_counts(
 
 def _owners(classes: Int[np.ndarray, ' points'], objects: Integer[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
     """A number from 0 for each object, and below 0 for what each class has beside objects."""
-    number = np.unique(objects, return_inverse=True)[1].reshape(-1)
-    return np.where(objects < 0, -1 - classes.astype(np.int64), number)
+    return np.where(objects < 0, -1 - classes.astype(np.int64), _numbered(objects))
+
+
+def _numbered(values: Integer[np.ndarray, ' points']) -> Int[np.ndarray, ' points']:
+    """Numbers from 0 for values of any integer type, which hashes of 64 bits fill; -1 for what is below 0."""
+    return np.where(values < 0, -1, np.unique(values, return_inverse=True)[1].reshape(-1))
 
 
 def scores_of(counts: BoundaryCounts) -> BoundaryScores:

@@ -3,6 +3,7 @@
 from rm3d_plugin.experiments.spec import MeasuredTable, PaperTable, Table
 from rm3d_plugin.experiments.tables.ablations import ABLATIONS
 from rm3d_plugin.experiments.tables.budgets import BUDGET_TABLES
+from rm3d_plugin.experiments.tables.clicks_to_quality import clicks_table
 from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
 from rm3d_plugin.experiments.tables.figures import figures_table
@@ -28,6 +29,9 @@ TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     'pseudo-labels': MeasuredTable(
         'Coverage and precision of pseudo labels by round, synthetic and real, both strategies (trains)',
         pseudo_label_table,
+    ),
+    'clicks-to-quality': MeasuredTable(
+        'Points that are right after each click of an annotator, by where the next click falls', clicks_table
     ),
     'descriptors-overseg': MeasuredTable(
         'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table

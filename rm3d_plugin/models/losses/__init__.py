@@ -6,7 +6,7 @@ tensors and know no model. A :class:`LossTerm` says what of a batch they compare
 
 from rm3d_plugin.models.losses.aug_loss import JSAugLoss, MSEAugLoss, js_aug_loss, js_divergence, mse_aug_loss
 from rm3d_plugin.models.losses.circle import balanced_bce, circle_loss
-from rm3d_plugin.models.losses.contrastive import hardest_contrastive_loss, pair_loss, triplet_loss
+from rm3d_plugin.models.losses.descriptor_contrast import hardest_contrastive_loss, pair_loss, triplet_loss
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
 from rm3d_plugin.models.losses.instance_dice import InstanceDice
 from rm3d_plugin.models.losses.instance_offsets import InstanceOffsets

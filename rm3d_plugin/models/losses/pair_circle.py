@@ -9,7 +9,7 @@ from torch import Tensor
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.consistency import View
 from rm3d_plugin.models.losses.circle import balanced_bce, circle_loss
-from rm3d_plugin.models.losses.contrastive import distances, place_distances
+from rm3d_plugin.models.losses.descriptor_contrast import distances, place_distances
 from rm3d_plugin.models.losses.loss_term import LossTerm
 from rm3d_plugin.models.losses.pair_contrast import SampledPairs, sample_pairs
 from rm3d_plugin.registry import MODELS

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.consistency import View, common_rows
-from rm3d_plugin.models.losses.contrastive import (
+from rm3d_plugin.models.losses.descriptor_contrast import (
     distances,
     hardest_contrastive_loss,
     nearest_apart,

@@ -82,7 +82,12 @@ def _place(
 
 
 def _to_faces(values: np.ndarray, start: np.ndarray, end: np.ndarray, sensor: np.ndarray) -> np.ndarray:
-    """Distance to the face that looks at the sensor; infinite where the sensor is between the two faces."""
+    """Distance to the face that looks at the sensor; infinite where the sensor is between the two faces.
+
+    Where nobody knows the sensor (NaN), the nearer of both faces counts.
+    """
+    if np.isnan(sensor).any():
+        return np.asarray(np.minimum(np.abs(values - start[:, None]), np.abs(values - end[:, None])))
     near = np.where(sensor < start, start, np.where(sensor > end, end, np.inf))
     return np.abs(values - near[:, None])
 
@@ -101,16 +106,15 @@ def _costs(frames: _Frames, length: float, width: float, solid: bool) -> np.ndar
     # A face along u is seen under the angle that the sensor makes with its normal, v.
     away_u, away_v = frames.sensor_u - (start_u + end_u) / 2, frames.sensor_v - (start_v + end_v) / 2
     reach = np.hypot(away_u, away_v) + 1e-9
-    missing = (
-        np.maximum(length - span_u, 0) * np.abs(away_v) / reach + np.maximum(width - span_v, 0) * np.abs(away_u) / reach
-    )
+    seen_u, seen_v = (np.where(np.isnan(away), 1.0, np.abs(away) / reach) for away in (away_v, away_u))
+    missing = np.maximum(length - span_u, 0) * seen_u + np.maximum(width - span_v, 0) * seen_v
     return fit + EXCESS_WEIGHT * excess + MISSING_WEIGHT * missing
 
 
 def fit_footprint(
     xy: Float[np.ndarray, 'points 2'],
     size: Float[np.ndarray, '2'] | tuple[float, float],
-    sensor: Float[np.ndarray, '2'] | tuple[float, float] = (0.0, 0.0),
+    sensor: Float[np.ndarray, '2'] | tuple[float, float] | None = (0.0, 0.0),
 ) -> Footprint:
     """The rectangle of a known size whose sides that face the sensor explain the points best.
 
@@ -121,14 +125,14 @@ def fit_footprint(
     Args:
         xy: Points from above, metres; at least one.
         size: Length and width to complete to, metres.
-        sensor: Position of the sensor, metres.
+        sensor: Position of the sensor, metres; None: nobody knows, the points lie on all sides.
     """
     xy = np.asarray(xy, dtype=np.float64)
     if len(xy) == 0:
         raise ValueError('fit_footprint: expected at least one point')
     length, width = float(size[0]), float(size[1])
     solid = min(length, width) >= SOLID_WIDTH
-    where = np.asarray(sensor, dtype=np.float64)
+    where = np.asarray((np.nan, np.nan) if sensor is None else sensor, dtype=np.float64)
     middle = xy.mean(axis=0)
     points, where = xy - middle, where - middle
     voters = points[:: -(-len(points) // MAX_POINTS)]

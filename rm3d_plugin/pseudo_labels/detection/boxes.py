@@ -41,7 +41,7 @@ def median_sizes(
 
 
 def tight_box(
-    points: Float[np.ndarray, 'points 3'], yaw_fitted: bool = True, sensor: tuple[float, float] = (0.0, 0.0)
+    points: Float[np.ndarray, 'points 3'], yaw_fitted: bool = True, sensor: tuple[float, float] | None = (0.0, 0.0)
 ) -> Float[np.ndarray, '7']:
     """The smallest upright box around the points, axis-aligned (as printed) or turned to fit their sides.
 
@@ -50,7 +50,8 @@ def tight_box(
     Args:
         points: (N, 3) metres, at least one.
         yaw_fitted: Search the angle whose rectangle hugs the points; else the axes are the scene's.
-        sensor: Where the points were seen from, metres; its side counts in the search for the angle.
+        sensor: Where the points were seen from, metres; its side counts in the search for the angle. None: see
+            :func:`fit_footprint`.
     """
     points = np.asarray(points, dtype=np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
@@ -68,7 +69,7 @@ def complete_box(
     points: Float[np.ndarray, 'points 3'],
     prior: Float[np.ndarray, '3'],
     ground_z: float | None = None,
-    sensor: tuple[float, float] = (0.0, 0.0),
+    sensor: tuple[float, float] | None = (0.0, 0.0),
 ) -> BoxFit:
     """The whole object behind the faces that the sensor saw.
 
@@ -79,7 +80,7 @@ def complete_box(
         points: (N, 3) metres, at least one, without ground.
         prior: (dx, dy, dz) of the class, metres.
         ground_z: Height of the ground under the object, metres; None: the lowest point.
-        sensor: Position of the sensor from above, metres.
+        sensor: Position of the sensor from above, metres; None: see :func:`fit_footprint`.
     """
     points = np.asarray(points, dtype=np.float64)
     footprint = fit_footprint(points[:, :2], (float(prior[0]), float(prior[1])), sensor)

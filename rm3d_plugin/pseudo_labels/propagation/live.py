@@ -24,6 +24,7 @@ from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, coarse_grap
 NODES = 6000  # of each graph: a click is answered at once
 STRENGTH = 0.001  # pull of the features, as a share of the usual degree; the same however many clicks there are
 PINNED = 100  # labelled points of a class that are solved for, at most; the others have their label alone
+KEPT = 1024  # columns of each graph that are kept for later clicks, at most, beside those of now: 50 MB
 COLUMNS = 256  # of the inverse that are solved for at once
 JITTER = 1e-9  # of the largest variance, so that two clicks side by side are no trouble
 
@@ -145,6 +146,8 @@ class _Graph:
         return np.asarray(free + columns @ cho_solve(factor, target - free[pinned]))
 
     def _columns_of(self, nodes: Int[np.ndarray, ' asked']) -> Float[np.ndarray, 'nodes asked']:
+        if len(self._columns) > KEPT:
+            self._columns = {node: self._columns[node] for node in nodes.tolist() if node in self._columns}
         fresh = np.array([node for node in nodes.tolist() if node not in self._columns], dtype=np.int64)
         if len(fresh):
             solved = self._solve(_columns(len(self._pull), fresh))

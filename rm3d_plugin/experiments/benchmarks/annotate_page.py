@@ -1,0 +1,120 @@
+"""How long the page of ``rm3d annotate`` takes to open a scan, and from a click in a browser to the changed colours."""
+
+import argparse
+import shutil
+import statistics
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rm3d_plugin.annotation.point_view import SHOWN
+from rm3d_plugin.annotation.session import Session
+from rm3d_plugin.datasets.synthetic.rooms import make_room
+from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.experiments.benchmarks.measure import forget_peak, machine, memory_mb
+from rm3d_plugin.storage.ply import write_ply
+
+NAME = 'annotate-page'
+HELP = 'seconds to open a scan on the page, and from a click to changed colours in Chromium'
+GRAPHICS = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']
+ROOM_SEED = 7
+SPACINGS = {100_000: 0.02, 1_000_000: 0.006}  # m between points of a room that has as many, and more
+CLASSES = ('a', 'b', 'c')
+LEAST = 0.3  # bytes a shown point, of a message that brings its colours
+WAIT = 300.0  # seconds for an answer, at most
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the benchmark."""
+    parser.add_argument('--points', type=int, nargs='*', default=list(SPACINGS), help='of made-up rooms')
+    parser.add_argument('--scans', type=Path, nargs='*', default=[], help='further scans')
+    parser.add_argument('--clicks', type=int, default=5, help='in the browser; 0: the page is opened alone')
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Seconds and memory by scan."""
+    out: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for count in args.points:
+            path = _room(Path(folder), count)
+            out[f'room of {count} points'] = measure(path, Path(folder), args.clicks)
+        for path in args.scans:
+            out[path.name] = measure(path, Path(folder), args.clicks)
+    return out | {'machine': machine()}
+
+
+def _room(folder: Path, count: int) -> Path:
+    spacing = next((own for most, own in SPACINGS.items() if most >= count), min(SPACINGS.values()))
+    room = make_room(ROOM_SEED, 0, spacing)
+    if len(room) < count:
+        raise ConfigError(f'--points: a room has at most {len(room)} points, got {count}')
+    kept = np.random.default_rng(0).permutation(len(room))[:count]
+    return write_ply(folder / f'room{count}.ply', {axis: room.aligned[kept, i] for i, axis in enumerate('xyz')})
+
+
+def measure(scan: Path, folder: Path, clicks: int) -> dict[str, Any]:
+    """Open a scan, and click in a browser.
+
+    Args:
+        scan: The file.
+        folder: For the log.
+        clicks: Timed ones; one before them is not.
+    """
+    from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # viser is an extra
+
+    forget_peak()
+    began = time.perf_counter()
+    with Session([scan], folder / f'{scan.stem}.jsonl', CLASSES) as session:
+        page = AnnotationPage(session, Outputs(folder / 'out'), port=18100)
+        found = {'open, s': round(time.perf_counter() - began, 1)}
+        try:
+            if clicks:
+                found |= _answers(page, session, clicks)
+        finally:
+            page.stop()
+    return found | {'peak memory, MB': memory_mb('VmHWM')}
+
+
+def _answers(page: Any, session: Session, clicks: int) -> dict[str, float]:
+    """Median seconds from a click to the message with colours, and to the frame that shows them."""
+    from playwright.sync_api import sync_playwright
+
+    chromium = shutil.which('chromium') or shutil.which('chromium-browser')
+    if chromium is None:
+        raise ConfigError('annotate-page: needs chromium; --clicks 0 opens the page alone')
+    least = LEAST * min(len(session.scan(page.name).cloud), SHOWN)
+    came: list[float] = []
+    with sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=chromium, args=GRAPHICS)
+        tab = browser.new_page(viewport={'width': 900, 'height': 600})
+        tab.set_default_timeout(1000 * WAIT)
+        tab.on('websocket', lambda socket: socket.on(
+            'framereceived', lambda frame: came.append(time.perf_counter()) if len(frame) >= least else None
+        ))  # fmt: skip
+        tab.goto(page.url)
+        tab.wait_for_selector('canvas')
+        times = [_click(tab, came, number) for number in range(clicks + 1)][1:]
+        browser.close()
+    message, frame = (round(statistics.median(each), 2) for each in zip(*times, strict=True))
+    return {'click to message, s': message, 'click to frame, s': frame}
+
+
+def _click(tab: Any, came: list[float], number: int) -> tuple[float, float]:
+    """Seconds until colours come after a click, and until two more frames are drawn; a click beside all is repeated."""
+    until = time.perf_counter() + WAIT
+    while time.perf_counter() < until:
+        tab.wait_for_timeout(2500)  # what settles after the click before has come
+        tab.keyboard.press('123'[number % 3])
+        came.clear()
+        began = time.perf_counter()
+        tab.mouse.click(250 + 23 * number, 300 + 17 * (number % 4))
+        while not came and time.perf_counter() < began + 30:
+            tab.wait_for_timeout(5)
+        if came:
+            message = came[0] - began
+            tab.evaluate('() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))')
+            return message, time.perf_counter() - began
+    raise ConfigError(f'annotate-page: no answer to a click within {WAIT:g} s')

@@ -1,0 +1,98 @@
+"""How right a scan is after each click of a made-up annotator who never errs."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan
+from rm3d_plugin.experiments.next_click import ClickChooser, Next
+from rm3d_plugin.pseudo_labels.propagation.live import LivePropagation
+from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label
+from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
+
+NEAREST, OURS = 'nearest click', 'ours'  # how labels spread
+
+
+class Curve(NamedTuple):
+    """One run of the annotator.
+
+    Attributes:
+        scan: Name.
+        score: By which the next click was chosen.
+        labels: How they spread: :data:`NEAREST` or :data:`OURS`.
+        seed: Of what is by chance.
+        right: Percent of the points with a class that are right after each click.
+    """
+
+    scan: str
+    score: str
+    labels: str
+    seed: int
+    right: list[float]
+
+
+def curves_of(scan: Scan, scores: Sequence[str], seeds: Sequence[int], clicks: int) -> Iterator[Curve]:
+    """Curves of a scan; labels spread by ours and by the nearest click, which is chosen for by ours, too.
+
+    Args:
+        scan: With its classes.
+        scores: Of :data:`~rm3d_plugin.experiments.next_click.SCORES`.
+        seeds: A run each.
+        clicks: Of each run.
+    """
+    live = LivePropagation(prepare_cloud(scan.cloud))
+    chooser = ClickChooser(live, scan.semantic)
+    for seed in seeds:
+        for name in scores:
+            points, right = _clicked(scan, live, chooser.by(name, seed), clicks, seed)
+            yield Curve(scan.name, name, OURS, seed, right)
+            by_nearest = [nearest_right(scan, points[: count + 1]) for count in range(len(points))]
+            yield Curve(scan.name, name, NEAREST, seed, by_nearest)
+
+
+def _clicked(
+    scan: Scan, live: LivePropagation, choose: Next, clicks: int, seed: int
+) -> tuple[Int[np.ndarray, ' clicked'], list[float]]:
+    """Points in the order they are clicked, and percent right after each."""
+    out, right, seen, classes = list[int](), list[float](), set[int](), int(scan.semantic.max()) + 1
+    clicked = np.zeros(0, dtype=np.int64)
+    answer = live.answer(clicked, clicked, classes)
+    while len(out) < clicks:
+        point = choose(answer, clicked, seen)
+        if point is None:  # no place is left: anywhere
+            rest = np.setdiff1d(np.flatnonzero(scan.semantic >= 0), clicked)
+            point = int(np.random.default_rng([seed, len(out)]).choice(rest))
+        seen.add(point)
+        if scan.semantic[point] < 0:  # the annotator passes over what has no class
+            continue
+        out.append(point)
+        clicked = np.array(out, dtype=np.int64)
+        order = np.sort(clicked)
+        answer = live.answer(order, scan.semantic[order], classes)
+        right.append(percent_right(answer.shares.argmax(axis=1), scan.semantic))
+    return clicked, right
+
+
+def nearest_right(scan: Scan, points: Int[np.ndarray, ' clicked']) -> float:
+    """Percent right where each point is called as the nearest click."""
+    return percent_right(
+        scan.semantic[points][nearest_label(scan.cloud.xyz, points, np.arange(len(points)))], scan.semantic
+    )
+
+
+def percent_right(said: Int[np.ndarray, ' points'], semantic: Int[np.ndarray, ' points']) -> float:
+    """Of the points with a class."""
+    known = semantic >= 0
+    return 100.0 * float((said[known] == semantic[known]).mean())
+
+
+def clicks_to(goal: float, right: Float[np.ndarray, 'runs clicks']) -> Float[np.ndarray, ' runs']:
+    """Clicks until a percentage is reached; a run of N clicks that misses it counts as N + 1.
+
+    >>> clicks_to(80, np.array([[50.0, 81.0, 79.0], [10.0, 20.0, 30.0]])).tolist()
+    [2.0, 4.0]
+    """
+    reached = right >= goal
+    return np.where(reached.any(axis=1), reached.argmax(axis=1) + 1.0, right.shape[1] + 1.0)

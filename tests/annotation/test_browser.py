@@ -1,0 +1,148 @@
+"""The page in a real browser, on a made-up room and on a real street; pictures where RM3D_PICTURES names a folder."""
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rm3d_plugin.annotation import Session
+from rm3d_plugin.annotation.demo_room import write_demo_room
+from rm3d_plugin.datasets.oakland_format import read_tile
+from rm3d_plugin.experiments.scenes import real_root
+from rm3d_plugin.storage.ply import read_ply, write_ply
+
+pytest.importorskip('viser', reason='the page needs rm3d_plugin[annotate]')
+playwright = pytest.importorskip('playwright.sync_api', reason='needs playwright')
+from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # noqa: E402
+
+CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
+GRAPHICS = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']
+PICTURES = os.environ.get('RM3D_PICTURES')
+PATIENCE = 180  # seconds, on a busy machine
+POINTS = 20_000
+TILE = real_root() / 'oakland' / 'oakland_part3_ap.xyz_label_conf'
+PLACES = [(0.3, 0.4), (0.45, 0.55), (0.6, 0.45), (0.5, 0.35), (0.4, 0.6)]  # of the picture, one a class
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason='no chromium on this machine')
+
+
+def room(folder):
+    return write_demo_room(folder)
+
+
+def street(folder):
+    if not TILE.is_file():
+        pytest.skip(f'{TILE}: no such real scan')
+    xyz = read_tile(TILE).xyz
+    kept = np.random.default_rng(0).permutation(len(xyz))[:POINTS]
+    return write_ply(folder / 'street.ply', {axis: xyz[kept, i] for i, axis in enumerate('xyz')})
+
+
+@pytest.mark.parametrize('make', [room, street])
+def test_in_a_browser(make, tmp_path):
+    scan = make(tmp_path)
+    classes = [f'{make.__name__} {number}' for number in range(5)]
+    with Session([scan], classes=classes) as session, playwright.sync_playwright() as started:
+        page = AnnotationPage(session, Outputs(tmp_path / 'out'), port=18090)
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=GRAPHICS)
+        tab = opened(browser, page)
+        label_five_classes(tab, session)
+        tab.get_by_text('Objects', exact=True).click()
+        box_an_object(tab, session)
+        picture(tab, f'annotate_{make.__name__}_box')
+        accept_a_suggestion(tab, session)
+        picture(tab, f'annotate_{make.__name__}_suggestion')
+        tab.get_by_role('button', name='Save').click()
+        assert within(lambda: (tmp_path / 'out' / scan.name).exists())
+        tab.close()
+        expected, annotated = session.settled(scan.stem, check=False), session.scan(scan.stem).annotated
+        opened(browser, page).wait_for_selector(f'text={classes[4]}')  # as after a reload
+        browser.close()
+        page.stop()
+    written = read_ply(tmp_path / 'out' / scan.name)
+    np.testing.assert_array_equal(written['label'], expected.semantic)
+    np.testing.assert_array_equal(written['region'], expected.region)
+    np.testing.assert_allclose(written['x'], read_ply(scan)['x'])
+    with Session([scan]) as again:
+        np.testing.assert_array_equal(again.scan(scan.stem).annotated, annotated)
+        assert len(again.objects.boxes(scan.stem)) == 1
+
+
+def opened(browser, page):
+    """A tab in which the scene stands."""
+    tab = browser.new_page(viewport={'width': 1200, 'height': 800})
+    tab.set_default_timeout(1000 * PATIENCE)
+    tab.goto(page.url)
+    tab.wait_for_selector('text=Where to click next')
+    tab.wait_for_selector('canvas')
+    tab.wait_for_timeout(3000)
+    return tab
+
+
+def click_at(tab, place):
+    """Click a place of the picture, in [0, 1] from the upper left."""
+    box = tab.locator('canvas').first.bounding_box()
+    tab.mouse.click(box['x'] + place[0] * box['width'], box['y'] + place[1] * box['height'])
+
+
+def label_five_classes(tab, session):
+    """Choose each class by its key and click; then undo and redo the last."""
+    for number, place in enumerate(PLACES):
+        tab.keyboard.press(str(number + 1))
+        before = len(session.log.clicks)
+        for attempt in range(10):  # the first until the scene stands
+            click_at(tab, np.add(place, 0.01 * attempt))
+            if within(lambda before=before: len(session.log.clicks) > before, 10):
+                break
+        assert session.log.clicks[-1].semantic == number
+    count = len(session.log.clicks)
+    tab.keyboard.press('Control+z')
+    assert within(lambda: len(session.log.clicks) == count - 1)
+    tab.keyboard.press('Control+Shift+Z')
+    assert within(lambda: len(session.log.clicks) == count)
+
+
+def accept_a_suggestion(tab, session):
+    """Jump to the place that is suggested, which is then the middle of the picture, and click it."""
+    count = len(session.log.clicks)
+    tab.keyboard.press(' ')
+    tab.wait_for_selector('text=Click the red ball')
+    tab.wait_for_timeout(1000)
+    tab.keyboard.press('1')
+    click_at(tab, (0.5, 0.5))
+    assert within(lambda: len(session.log.clicks) == count + 1)
+
+
+def box_an_object(tab, session):
+    """Begin an object, give it the points of a rectangle, and fit a box."""
+    scan, count = session.scans[0], len(session.log.clicks)
+    for key in 'n', '2':
+        tab.keyboard.press(key)
+    tab.wait_for_timeout(500)
+    box = tab.locator('canvas').first.bounding_box()
+    tab.keyboard.down('Shift')
+    tab.mouse.move(box['x'] + 0.45 * box['width'], box['y'] + 0.45 * box['height'])
+    tab.mouse.down()
+    tab.mouse.move(box['x'] + 0.55 * box['width'], box['y'] + 0.55 * box['height'], steps=5)
+    tab.mouse.up()
+    tab.keyboard.up('Shift')
+    assert within(lambda: len(session.log.clicks) > count)
+    tab.keyboard.press('b')
+    assert within(lambda: session.objects.boxes(scan))
+    tab.wait_for_timeout(1000)
+
+
+def picture(tab, name):
+    if PICTURES:
+        Path(PICTURES).mkdir(parents=True, exist_ok=True)
+        tab.screenshot(path=str(Path(PICTURES) / f'{name}.png'))
+
+
+def within(done, seconds=PATIENCE):
+    ends = time.monotonic() + seconds
+    while not done() and time.monotonic() < ends:
+        time.sleep(0.1)
+    return bool(done())
