@@ -116,7 +116,9 @@ model = dict(
 )
 
 # --- Losses (METHOD 7). One that is None is left out, and one of your own is a further entry.
-losses = ['${vote_loss}', '${point_loss}', '${aug_loss}', '${dice_loss}', '${scene_class_loss}']
+losses = ['${vote_loss}', '${point_loss}', '${aug_loss}', '${dice_loss}', '${scene_class_loss}', '${method_loss}']
+method_loss = None  # of a compared method
+method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
 vote_loss = dict(type='VoteNetLoss', loss_weight=10.0)
 point_loss = dict(
     type='WeakSupervision',
@@ -159,6 +161,7 @@ custom_hooks = [
         dataloader='${label_dataloader}',
         label_maker='${label_maker}',
     ),
+    '${method_hook}',
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),
     dict(type='ReportHook'),
