@@ -50,8 +50,8 @@ class DescriptorNetwork(PointModel):
         backbone: Config of a backbone that knows how far it sees (``reach``).
         channels: Values of a descriptor.
         in_channels: Inputs of a site, 40 with histograms.
-        direct: Whether a linear layer of a site's own inputs is added before the length becomes one: what the inputs tell
-            alone is learnt at once, the backbone learns what they lack.
+        direct: Whether a linear layer of a site's own inputs is added before the length becomes one: what the inputs
+            tell alone is learnt at once, the backbone learns what they lack.
         losses: Configs of loss terms that read ``features`` and the views.
         data_preprocessor: As for :class:`PointModel`.
         init_cfg: As in mmengine.
