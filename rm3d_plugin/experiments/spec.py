@@ -138,6 +138,7 @@ class Request:
         jobs: Runs at the same time, one thread each; with 1 a run takes every core.
         options: ``KEY=VALUE``, config keys of every run; they win over those of a row.
         data: Of measured tables: kinds of scenes; those that are not there are left out.
+        descriptors: Of tables of descriptors: type names; none: all that are compared.
         scenes: Of each kind, at most.
         points: Of each scene, the so many nearest to its middle; None: all.
         seed: Of all that a measured table draws.
@@ -150,6 +151,7 @@ class Request:
     jobs: int = 1
     options: Sequence[str] = ()
     data: Sequence[str] = ()
+    descriptors: Sequence[str] = ()
     scenes: int = 2
     points: int | None = None
     seed: int = 0

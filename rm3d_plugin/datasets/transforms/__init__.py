@@ -13,6 +13,7 @@ from rm3d_plugin.datasets.transforms.indoor import (
     auto_contrast,
     elastic,
 )
+from rm3d_plugin.datasets.transforms.object_sites import ObjectSites, point_objects
 from rm3d_plugin.datasets.transforms.outdoor import ClassCrop, HeightAboveGround, class_center, with_heights
 from rm3d_plugin.datasets.transforms.overlapping_crops import OverlappingCrops, overlapping_rows
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
@@ -39,6 +40,7 @@ __all__ = [
     'HeightAboveGround',
     'LimitPoints',
     'OverlappingCrops',
+    'ObjectSites',
     'PackScene',
     'PairSettings',
     'PointNoise',
@@ -61,6 +63,7 @@ __all__ = [
     'overlapping_rows',
     'pack_scene',
     'place_columns',
+    'point_objects',
     'rotate_scale',
     'select_points',
     'shape_columns',

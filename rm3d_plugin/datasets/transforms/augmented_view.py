@@ -28,10 +28,12 @@ class View:
     Attributes:
         points: (m, 3 + channels) float32.
         point_ids: (m,) int64; row ``i`` is a copy of row ``point_ids[i]`` of the first view; -1: of none.
+        viewpoint: (3,) where the scan was seen from, in the coordinates of the view, or None.
     """
 
     points: Float[np.ndarray, 'kept channels']
     point_ids: Int[np.ndarray, ' kept']
+    viewpoint: Float[np.ndarray, '3'] | None = None
 
 
 @dataclass(frozen=True)
