@@ -93,7 +93,7 @@ class TeacherRules:
             geometry alone makes background.
     """
 
-    share: float = 0.5
+    share: float = 0.7
     recognised: float = 0.4
     size_ratio: float = 1.4
     min_points: int = 5
