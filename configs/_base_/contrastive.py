@@ -6,6 +6,7 @@ negative_distance = 16.0  # voxels, about 1 m in a room; METHOD 3
 model = dict(
     type='DescriptorNetwork',
     backbone='${backbone}',
+    in_channels=40,  # of a site with histograms
     channels='${channels}',
     losses=['${contrast_loss}'],
 )

@@ -127,7 +127,10 @@ losses = [
     '${scene_class_loss}',
     '${iou_loss}',
     '${prototype_loss}',
+    '${method_loss}',
 ]
+method_loss = None  # of a compared method
+method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
 vote_loss = dict(type='VoteNetLoss', loss_weight=10.0)
 point_loss = dict(
     type='WeakSupervision',
@@ -177,6 +180,7 @@ custom_hooks = [
         label_maker='${label_maker}',
         mirror='${mirror}',
     ),
+    '${method_hook}',
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),
     dict(type='ReportHook'),

@@ -3,6 +3,7 @@ _base_ = './pairs.py'
 model = dict(
     type='PredatorNetwork',
     backbone='${backbone}',
+    in_channels=40,  # of a site with histograms
     channels='${channels}',
     attention=dict(channels='${attention_channels}'),
     losses=[dict(type='PairCircle', num_pairs='${num_pairs}')],

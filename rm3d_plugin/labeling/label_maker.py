@@ -42,6 +42,7 @@ class LabelMaker(ABC):
     Attributes:
         task: What the labels are for.
         index_of: Number of each scene in the source.
+        reads_features: Whether predictions shall hold the network's features.
     """
 
     task: ClassVar[Task]
@@ -50,6 +51,7 @@ class LabelMaker(ABC):
         self.store = LabelStore(store)
         self.source: LabelSource = TASK_UTILS.build(source) if isinstance(source, Mapping) else source
         self.index_of = {scene: i for i, scene in enumerate(self.source.scene_ids)}
+        self.reads_features = False
 
     # ------------------------------------------------------------------ what a kind of label maker says
 

@@ -142,6 +142,7 @@ class RegionMergeHook(Hook):
         barrier()
         runner.model.eval()
         _unwrapped(runner.model).predict_points = True
+        _unwrapped(runner.model).predict_features = self.label_maker.reads_features
         if self.label_maker.source.extends(number):
             self.label_maker.extend_budget(number, self._predictions(runner.model, number))
             self._tell_model(runner.model)

@@ -64,7 +64,7 @@ class PredatorNetwork(PointModel):
         attention: Arguments of :class:`OverlapAttention` but ``in_channels``.
         block: Voxels; edge of the cubes, about that of the crops of training.
         margin: Voxels around a cube that are seen, too.
-        in_channels: Inputs of a site.
+        in_channels: Inputs of a site, 40 with histograms.
         losses: Configs of loss terms.
         data_preprocessor: As for :class:`PointModel`.
         init_cfg: As in mmengine.
