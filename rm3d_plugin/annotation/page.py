@@ -164,11 +164,12 @@ class AnnotationPage:
         """Send colours."""
         kind: ColorBy = self._by.value
         colors = [self.session.color(name) for name in self.session.classes]
-        labels, found = self._labels, self.training.difference()
+        shown, labels, found = self.picture.shown, self._labels, self.training.difference()
+        semantic = labels.semantic[shown]
         if kind == 'difference':
-            nothing = np.full(len(labels.semantic), UNLABELLED)
-            labels = replace(labels, semantic=nothing if found is None else found.semantic)
-        self.picture.paint(colors_by(kind, self._current.cloud, labels, colors))
+            semantic = np.full(len(shown), UNLABELLED) if found is None else found.semantic[shown]
+        seen = replace(labels, semantic=semantic, confidence=labels.confidence[shown], region=labels.region[shown])
+        self.picture.paint(colors_by(kind, self._current.cloud.select(shown), seen, colors))
 
     def _marks(self) -> None:
         """Show clicks and boxes."""

@@ -34,6 +34,9 @@ class View(NamedTuple):
 class ScanPicture:
     """What of a scan is shown; points are numbers of the file everywhere.
 
+    Attributes:
+        shown: Points of the picture, after :meth:`show`.
+
     Args:
         server: Of the page.
     """
@@ -54,16 +57,16 @@ class ScanPicture:
         low, high = np.percentile(self._xyz[:, 2], np.asarray(heights, dtype=np.float64))
         step = -(-len(self._xyz) // SHOWN)
         every = np.arange(0, len(self._xyz), step)
-        self._shown: Int[np.ndarray, ' shown'] = every[(self._xyz[every, 2] >= low) & (self._xyz[every, 2] <= high)]
+        self.shown: Int[np.ndarray, ' shown'] = every[(self._xyz[every, 2] >= low) & (self._xyz[every, 2] <= high)]
         self._width = size * self._spacing * float(np.sqrt(step)) / 2
         self._cloud: Any = None
 
-    def paint(self, colors: UInt8[np.ndarray, 'points 3']) -> None:
+    def paint(self, colors: UInt8[np.ndarray, 'shown 3']) -> None:
         """Send the points that are chosen, or their colours alone where they are there already."""
         if self._cloud is None:
-            self._cloud = self._points('scan', self._shown, colors[self._shown], self._width)
+            self._cloud = self._points('scan', self.shown, colors, self._width)
         else:
-            self._cloud.colors = colors[self._shown]
+            self._cloud.colors = colors
 
     def show_clicked(self, annotated: Int[np.ndarray, ' points']) -> None:
         """Show where labels were given."""
@@ -102,17 +105,17 @@ class ScanPicture:
 
     def met(self, event: Any) -> int | None:
         """The point that a click meets."""
-        row = point_hit(self._xyz[self._shown], event.ray_origin, event.ray_direction, self._width)
-        return None if row is None else int(self._shown[row])
+        row = point_hit(self._xyz[self.shown], event.ray_origin, event.ray_direction, self._width)
+        return None if row is None else int(self.shown[row])
 
     def in_rectangle(self, event: Any) -> list[int]:
         """Points in a dragged rectangle that no other hides."""
-        rows = points_in_rectangle(self._xyz[self._shown], camera_of(event.client), event.screen_min, event.screen_max)
-        return self._shown[rows].tolist()
+        rows = points_in_rectangle(self._xyz[self.shown], camera_of(event.client), event.screen_min, event.screen_max)
+        return self.shown[rows].tolist()
 
     def in_lasso(self, client: Any, corners: Float[np.ndarray, 'corners 2']) -> list[int]:
         """Points in a polygon of the picture of a client that no other hides."""
-        return self._shown[points_in_lasso(self._xyz[self._shown], camera_of(client), corners)].tolist()
+        return self.shown[points_in_lasso(self._xyz[self.shown], camera_of(client), corners)].tolist()
 
     # ------------------------------------------------------------------ where to look
 
@@ -142,7 +145,7 @@ class ScanPicture:
         away = away if away.any() else np.array([0.0, 0.0, 1.0])
         length = min(float(np.linalg.norm(away)), NEAR * self._spacing)
         client.camera.look_at = place
-        client.camera.position = place + length * clearest_way(self._xyz[self._shown], place, away, length)
+        client.camera.position = place + length * clearest_way(self._xyz[self.shown], place, away, length)
 
 
 def camera_of(client: Any) -> Camera:

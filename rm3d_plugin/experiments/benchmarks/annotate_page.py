@@ -66,10 +66,11 @@ def measure(scan: Path, folder: Path, clicks: int) -> dict[str, Any]:
     from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # viser is an extra
 
     forget_peak()
-    began = time.perf_counter()
+    began, spent = time.perf_counter(), time.process_time()
     with Session([scan], folder / f'{scan.stem}.jsonl', CLASSES) as session:
         page = AnnotationPage(session, Outputs(folder / 'out'), port=18100)
         found = {'open, s': round(time.perf_counter() - began, 1)}
+        found['open, s of processor'] = round(time.process_time() - spent, 1)
         try:
             if clicks:
                 found |= _answers(page, session, clicks)

@@ -8,10 +8,12 @@ from rm3d_plugin.experiments.tables.clicks_to_quality import clicks_table
 from rm3d_plugin.experiments.tables.descriptors_instance import TABLE_2, instance_table
 from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
+from rm3d_plugin.experiments.tables.detection import MECHANISMS
 from rm3d_plugin.experiments.tables.figures import figures_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
 from rm3d_plugin.experiments.tables.octree import octree_table
 from rm3d_plugin.experiments.tables.propagation import propagation_table
+from rm3d_plugin.experiments.tables.pseudo_boxes import pseudo_box_table
 from rm3d_plugin.experiments.tables.pseudo_label_rounds import pseudo_label_table
 from rm3d_plugin.experiments.tables.robustness_card import robustness_table
 from rm3d_plugin.experiments.tables.rooms import ROOMS, ROOMS_BUDGETS, ROOMS_INSTANCES
@@ -21,6 +23,8 @@ from rm3d_plugin.experiments.tables.transfer import TRANSFER
 
 TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     'kitti-demo': KITTI,
+    'detection-mechanisms': MECHANISMS,
+    'pseudo-boxes': MeasuredTable('Pseudo boxes by rule, from one network (trains it)', pseudo_box_table),
     'rooms-demo': ROOMS,
     'rooms-demo-budgets': ROOMS_BUDGETS,
     'rooms-demo-instances': ROOMS_INSTANCES,

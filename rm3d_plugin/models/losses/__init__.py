@@ -5,7 +5,9 @@ tensors and know no model. A :class:`LossTerm` says what of a batch they compare
 """
 
 from rm3d_plugin.models.losses.aug_loss import JSAugLoss, MSEAugLoss, js_aug_loss, js_divergence, mse_aug_loss
+from rm3d_plugin.models.losses.box_overlap import BoxOverlap, overlap_loss
 from rm3d_plugin.models.losses.circle import balanced_bce, circle_loss
+from rm3d_plugin.models.losses.class_prototypes import ClassPrototypes, even_assignment, prototype_loss
 from rm3d_plugin.models.losses.contrastive import contrastive_loss
 from rm3d_plugin.models.losses.descriptor_contrast import hardest_contrastive_loss, pair_loss, triplet_loss
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
@@ -37,6 +39,8 @@ from rm3d_plugin.models.losses.weak_supervision import WeakSupervision
 __all__ = [
     'CONVENTIONS',
     'Convention',
+    'BoxOverlap',
+    'ClassPrototypes',
     'DiceLoss',
     'DivergenceLoss',
     'GraphContrast',
@@ -67,14 +71,17 @@ __all__ = [
     'dice_loss',
     'divergence',
     'graph_contrast_loss',
+    'even_assignment',
     'hardest_contrastive_loss',
     'js_aug_loss',
     'js_divergence',
     'labels_of_rows',
     'mse_aug_loss',
     'offset_loss',
+    'overlap_loss',
     'pair_loss',
     'point_cross_entropy',
+    'prototype_loss',
     'reduce_loss',
     'scene_class_loss',
     'soft_cross_entropy',

@@ -151,7 +151,7 @@ class _Graph:
         fresh = np.array([node for node in nodes.tolist() if node not in self._columns], dtype=np.int64)
         if len(fresh):
             solved = self._solve(_columns(len(self._pull), fresh))
-            self._columns |= dict(zip(fresh.tolist(), solved.T, strict=True))
+            self._columns |= {node: column.copy() for node, column in zip(fresh.tolist(), solved.T, strict=True)}
         return np.stack([self._columns[node] for node in nodes.tolist()], axis=1)
 
 

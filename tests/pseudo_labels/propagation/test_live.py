@@ -40,6 +40,18 @@ def test_what_is_said_depends_on_the_labels_alone_not_on_those_before():
     assert not nothing.shares.any() and not nothing.apart.any()
 
 
+def test_columns_of_clicks_that_were_taken_back_are_not_kept_for_ever(monkeypatch):
+    monkeypatch.setattr('rm3d_plugin.pseudo_labels.propagation.live.KEPT', 4)
+    xyz, semantic = corner()
+    live, points = LivePropagation(prepare_cloud(PointCloud(xyz))), few(semantic, 8)
+    for start in range(0, 16, 2):
+        some = np.unique(np.r_[points[0], points[8], points[start : start + 2]])
+        said = live.answer(some, semantic[some], 2)
+    assert max(len(graph._columns) for graph in live._graphs) <= 4 + 4
+    expected = LivePropagation(live.scene).answer(some, semantic[some], 2)
+    np.testing.assert_allclose(said.shares, expected.shares, atol=1e-5)
+
+
 def test_correlations_are_those_of_the_inverse():
     xyz, semantic = corner()
     scene = prepare_cloud(PointCloud(xyz))
