@@ -27,7 +27,7 @@ from rm3d_plugin.pseudo_labels import (
     refresh_detection,
 )
 from rm3d_plugin.pseudo_labels.common.strategy import Strategy
-from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes
+from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes, size_ranges
 from rm3d_plugin.pseudo_labels.detection.objects import score_limits
 from rm3d_plugin.pseudo_labels.detection.refresh import find_candidates
 from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, box_limits, expected_from_whole, joined_shown
@@ -94,6 +94,7 @@ class DetectionLabelMaker(LabelMaker):
         """Annotated labels, sizes and counts are read anew."""
         self._annotated: dict[str, AnnotatedLabels] = {}
         self._mean_sizes: Float[np.ndarray, 'classes 3'] | None = None
+        self._size_ranges: Float[np.ndarray, 'classes 2 3'] | None = None
         self._class_counts: Int[np.ndarray, ' classes'] | None = None
 
     # ------------------------------------------------------------------ annotated labels
@@ -114,6 +115,14 @@ class DetectionLabelMaker(LabelMaker):
                 sizes = np.where(np.isfinite(sizes), sizes, self._default_sizes)
             self._mean_sizes = sizes
         return self._mean_sizes
+
+    @property
+    def size_ranges(self) -> Float[np.ndarray, 'classes 2 3']:
+        """Least and greatest sizes of the annotated boxes by class, metres."""
+        if self._size_ranges is None:
+            boxes = _joined([self.annotated(scene).boxes for scene in self.index_of])
+            self._size_ranges = size_ranges(boxes.tensor, boxes.labels, self.mean_sizes)
+        return self._size_ranges
 
     @property
     def class_counts(self) -> Int[np.ndarray, ' classes']:
@@ -183,7 +192,7 @@ class DetectionLabelMaker(LabelMaker):
     def _knowledge(self, scene_id: str, number: int = 0) -> ObjectKnowledge:
         height = segment_ground(self.scenes.get(scene_id).cloud.xyz).height
         limits = (self._limits, self._box_limits) if number else (None, None)
-        return ObjectKnowledge(self.mean_sizes, height, *limits)
+        return ObjectKnowledge(self.mean_sizes, height, *limits, self.size_ranges)
 
     def check(self, number: int, log: Log) -> None:
         """Nothing is kept aside."""

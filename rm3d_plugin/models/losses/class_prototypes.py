@@ -79,17 +79,27 @@ class ClassPrototypes(LossTerm):
         self.register_buffer('prototypes', F.normalize(torch.randn(num_classes * each, channels), dim=1))
 
     def forward(self, batch: Batch, outputs: DetectorOutput, labels: BatchLabels) -> dict[str, Tensor]:
-        """``loss_prototype``; the prototypes move after the loss was computed."""
-        rows, own = self._assign(outputs.features.detach().float(), labels)
-        loss = prototype_loss(outputs.features[rows].float(), own, self.prototypes.clone())
-        self._move(outputs.features[rows].detach().float(), own)
-        return {'loss_prototype': self.loss_weight * loss + 0.0 * outputs.features.sum()}
+        """``loss_prototype``."""
+        kinds = torch.where(labels.instance >= 0, labels.semantic, -1)
+        return {'loss_prototype': self.loss_weight * self.learn(outputs.features.float(), kinds)}
 
-    def _assign(self, features: Tensor, labels: BatchLabels) -> tuple[Tensor, Tensor]:
+    def learn(self, features: Float[Tensor, 'points channels'], kinds: Int[Tensor, ' points']) -> Float[Tensor, '']:
+        """The loss of a step; the prototypes move after it was computed.
+
+        Args:
+            features: Of all points.
+            kinds: Class of each point on a labelled object; others do not count.
+        """
+        rows, own = self._assign(features.detach(), kinds)
+        loss = prototype_loss(features[rows], own, self.prototypes.clone())
+        self._move(features[rows].detach(), own)
+        return loss + 0.0 * features.sum()
+
+    def _assign(self, features: Tensor, kinds: Tensor) -> tuple[Tensor, Tensor]:
         """Rows of the points that count, and the prototype of each."""
         rows, own = [], []
         for kind in range(self.num_classes):
-            found = ((labels.semantic == kind) & (labels.instance >= 0)).nonzero()[:, 0]
+            found = (kinds == kind).nonzero()[:, 0]
             found = found[torch.randperm(len(found), device=found.device)[: self.points]]
             mine = self.prototypes[kind * self.each : (kind + 1) * self.each]
             shares = even_assignment(F.normalize(features[found], dim=1) @ mine.T)

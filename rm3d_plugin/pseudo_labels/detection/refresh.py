@@ -22,7 +22,12 @@ from rm3d_plugin.pseudo_labels.common.assembly import (
 from rm3d_plugin.pseudo_labels.common.groups import seen_rows, without_doubtful
 from rm3d_plugin.pseudo_labels.common.inputs import RoundContext, SceneInputs
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult, refresh_stats
-from rm3d_plugin.pseudo_labels.detection.boxes import geometric_background, region_tops, robust_extents
+from rm3d_plugin.pseudo_labels.detection.boxes import (
+    geometric_background,
+    region_tops,
+    robust_extents,
+    size_ranges,
+)
 from rm3d_plugin.pseudo_labels.detection.objects import (
     EarlierObjects,
     Evidence,
@@ -57,12 +62,15 @@ class ObjectKnowledge:
         height: (N,) metres above the ground of each point, or None.
         limits: (C,) score that a pseudo box of each class needs; None: any.
         box_limits: What the scores of predicted boxes mean, where these become pseudo boxes; None: no box does.
+        ranges: (C, 2, 3) sizes of annotated boxes, see
+            :func:`~rm3d_plugin.pseudo_labels.detection.boxes.size_ranges`; None: ``mean_sizes`` alone.
     """
 
     mean_sizes: Float[np.ndarray, 'classes 3']
     height: Float[np.ndarray, ' points'] | None = None
     limits: Float[np.ndarray, ' classes'] | None = None
     box_limits: BoxLimits | None = None
+    ranges: Float[np.ndarray, 'classes 2 3'] | None = None
 
 
 class _Background(NamedTuple):
@@ -165,7 +173,9 @@ def _candidates(
     assert rules.teacher is not None
     predicted = None if scene.prediction is None else scene.prediction.boxes
     boxes = Boxes3D.empty() if predicted is None else predicted
-    known, sizes = scene.annotated.boxes, knowledge.mean_sizes
+    known, sizes = scene.annotated.boxes, knowledge.ranges
+    if sizes is None:
+        sizes = size_ranges(np.zeros((0, 7)), np.zeros(0, dtype=np.int64), knowledge.mean_sizes)
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
     return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher)
 

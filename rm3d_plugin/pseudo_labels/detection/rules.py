@@ -84,8 +84,8 @@ class TeacherRules:
             larger: fewer and purer.
         recognised: Probability that the points of annotated objects of a class must have for it (the median over the
             objects): a network that does not know the objects that it was shown names no others. 0: never asked.
-        size_ratio: A box whose length, width or height is more than this times the class's usual one, or less than its
-            inverse, is not of the class.
+        size_ratio: A box with a side or a height that is more than this times the greatest of the class's annotated
+            boxes, or that many times less than the least, is not of the class.
         min_points: Fewest points in a box that are not surely background.
         max_iou: Overlap from above that two boxes may have.
         refit: The class's usual box is fitted to the points of an accepted box, and takes its place.
@@ -93,9 +93,9 @@ class TeacherRules:
             geometry alone makes background.
     """
 
-    share: float = 0.5
+    share: float = 0.7
     recognised: float = 0.4
-    size_ratio: float = 1.5
+    size_ratio: float = 1.4
     min_points: int = 5
     max_iou: float = 0.1
     refit: bool = False
@@ -104,7 +104,7 @@ class TeacherRules:
     def __post_init__(self) -> None:
         check_field(self, 'share', 0 < self.share <= 1, 'a share in (0, 1]')
         check_field(self, 'recognised', 0 <= self.recognised <= 1, 'a probability')
-        check_field(self, 'size_ratio', self.size_ratio > 1, 'above 1')
+        check_field(self, 'size_ratio', self.size_ratio >= 1, 'at least 1')
         check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
         check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
         sure = self.background

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes, rotated_iou_bev
-from rm3d_plugin.pseudo_labels.detection.boxes import suppress
+from rm3d_plugin.pseudo_labels.detection.boxes import has_usual_size, suppress
 from rm3d_plugin.pseudo_labels.detection.objects import Objects
 from rm3d_plugin.pseudo_labels.detection.rules import TeacherRules
 from rm3d_plugin.structures import Boxes3D
@@ -70,7 +70,7 @@ def teacher_candidates(
     predicted: Boxes3D,
     shown: Shown,
     annotated: Boxes3D,
-    mean_sizes: Float[np.ndarray, 'classes 3'],
+    ranges: Float[np.ndarray, 'classes 2 3'],
     rules: TeacherRules,
 ) -> Candidates:
     """Predicted boxes that have the size of their class, their place to themselves, and points.
@@ -81,31 +81,22 @@ def teacher_candidates(
         predicted: Boxes with scores.
         shown: From :func:`ask_annotated`; handed on.
         annotated: Annotated boxes; these always win.
-        mean_sizes: Usual sizes, metres; NaN: the class gets no box.
+        ranges: Sizes, see :func:`~rm3d_plugin.pseudo_labels.detection.boxes.size_ranges`; NaN: the class gets no box.
         rules: Thresholds.
     """
-    steps = {'found': np.bincount(predicted.labels, minlength=len(mean_sizes))}
+    steps = {'found': np.bincount(predicted.labels, minlength=len(ranges))}
 
     def left(boxes: Boxes3D, good: np.ndarray, step: str) -> Boxes3D:
-        steps[step] = np.bincount(boxes.labels[~good], minlength=len(mean_sizes))
+        steps[step] = np.bincount(boxes.labels[~good], minlength=len(ranges))
         return boxes.select(good)
 
-    boxes = left(predicted, has_usual_size(predicted, mean_sizes, rules.size_ratio), 'size')
+    boxes = left(predicted, has_usual_size(predicted, ranges, rules.size_ratio), 'size')
     assert boxes.scores is not None
     alone = suppress(boxes, boxes.scores, annotated, rules.max_iou) == np.arange(len(boxes))
     boxes = left(boxes, alone, 'collision')
     inside = points_in_boxes(xyz[~background], boxes.tensor)
     held = np.bincount(inside[inside >= 0], minlength=len(boxes))
     return Candidates(left(boxes, held >= rules.min_points, 'points'), steps, shown)
-
-
-def has_usual_size(
-    boxes: Boxes3D, mean_sizes: Float[np.ndarray, 'classes 3'], ratio: float
-) -> Bool[np.ndarray, ' boxes']:
-    """Whether length, width and height are those of the class, up to a factor."""
-    with np.errstate(invalid='ignore'):
-        apart = np.abs(np.log(boxes.tensor[:, 3:6] / mean_sizes[boxes.labels]))
-        return np.asarray((apart <= np.log(ratio)).all(axis=1))
 
 
 def ask_annotated(

@@ -1,7 +1,6 @@
 """Prototypes of classes, by hand."""
 
 import math
-from types import SimpleNamespace
 
 import pytest
 import torch
@@ -30,14 +29,11 @@ def test_prototypes_move_to_their_class_and_the_loss_falls():
     term = ClassPrototypes(2, 3, each=2, momentum=0.5, loss_weight=1.0)
     features = torch.cat([torch.tensor([[1.0, 0, 0]]).repeat(9, 1), torch.tensor([[0, 1.0, 0]]).repeat(9, 1)])
     features = features + 0.05 * torch.randn(18, 3)
-    labels = SimpleNamespace(semantic=torch.arange(2).repeat_interleave(9), instance=torch.zeros(18).long())
-    forward = type(term).forward.__wrapped__ if hasattr(type(term).forward, '__wrapped__') else type(term).forward
-    outputs = SimpleNamespace(features=features)
-    losses = [forward(term, None, outputs, labels)['loss_prototype'].item() for _ in range(8)]
+    kinds = torch.arange(2).repeat_interleave(9)
+    losses = [term.learn(features, kinds).item() for _ in range(8)]
     assert losses[-1] < 0.5 * losses[0]
     torch.testing.assert_close(term.prototypes.norm(dim=1), torch.ones(4))
     assert bool((term.prototypes[:2, 0] > 0.9).all()) and bool((term.prototypes[2:, 1] > 0.9).all())
-    labels.instance = torch.full((18,), -1)  # background has no prototype
     before = term.prototypes.clone()
-    assert forward(term, None, outputs, labels)['loss_prototype'].item() == 0.0
+    assert term.learn(features, torch.full((18,), -1)).item() == 0.0  # background has no prototype
     assert torch.equal(before, term.prototypes)

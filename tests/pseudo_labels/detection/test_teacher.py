@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from rm3d_plugin.pseudo_labels import TeacherRules
+from rm3d_plugin.pseudo_labels.detection.boxes import has_usual_size, size_ranges
 from rm3d_plugin.pseudo_labels.detection.teacher import (
     BoxLimits,
     Shown,
     ask_annotated,
     box_limits,
     expected_from_whole,
-    has_usual_size,
     joined_shown,
     lower_mean,
     teacher_candidates,
@@ -18,7 +18,7 @@ from rm3d_plugin.pseudo_labels.detection.teacher import (
 )
 from rm3d_plugin.structures import Boxes3D
 
-SIZES = np.array([[4.0, 2.0, 1.5], [0.8, 0.6, 1.8]])
+SIZES = np.repeat([[[4.0, 2.0, 1.5]], [[0.8, 0.6, 1.8]]], 2, axis=1)
 NOTHING = joined_shown([])
 
 
@@ -63,10 +63,16 @@ def test_each_step_says_what_it_cost():
     assert {step: lost.tolist() for step, lost in got.steps.items()} == {step: [n, 0] for step, n in cost.items()}
 
 
-def test_sizes_may_differ_by_a_factor_both_ways():
-    given = boxes([car(0, length=4.0 * f) for f in (0.66, 0.68, 1.49, 1.51)], [0] * 4, [1] * 4)
-    assert has_usual_size(given, SIZES, 1.5).tolist() == [False, True, True, False]
-    assert not has_usual_size(given, np.full((2, 3), np.nan), 1.5).any()
+def test_sizes_may_leave_the_range_of_annotated_boxes_by_a_factor():
+    known = np.array(
+        [[*car(0)[:3], 2.0, 4.0, 1.5, 0.1], car(0, length=6.0)]
+    )  # which side is the length is yaw's matter
+    ranges = size_ranges(known, np.zeros(2, int), np.array([[np.nan] * 3, [0.8, 0.6, 1.8], [np.nan] * 3]))
+    assert ranges[0].tolist() == [[4.0, 2.0, 1.5], [6.0, 2.0, 1.5]]
+    assert ranges[1].tolist() == [[0.8, 0.6, 1.8]] * 2 and np.isnan(ranges[2]).all()
+    given = boxes([car(0, length=size) for size in (2.6, 2.7, 8.9, 9.1)], [0] * 4, [1] * 4)
+    assert has_usual_size(given, ranges, 1.5).tolist() == [False, True, True, False]
+    assert not has_usual_size(boxes([car(0)], [2], [1]), ranges, 1.5).any()
 
 
 def test_annotated_objects_tell_what_a_good_score_is():
@@ -129,7 +135,7 @@ def test_nothing_is_said_of_a_doubtful_place():
 
 
 @pytest.mark.parametrize(
-    ('field', 'value'), [('share', 0.0), ('recognised', 1.5), ('size_ratio', 1.0), ('min_points', 0), ('background', 0)]
+    ('field', 'value'), [('share', 0.0), ('recognised', 1.5), ('size_ratio', 0.9), ('min_points', 0), ('background', 0)]
 )
 def test_rules_name_the_field(field, value):
     with pytest.raises(ValueError, match=f'TeacherRules.{field}'):
