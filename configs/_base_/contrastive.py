@@ -8,6 +8,7 @@ model = dict(
     backbone='${backbone}',
     in_channels=40,  # of a site with histograms
     channels='${channels}',
+    direct=True,  # a site's own inputs count beside what the backbone makes of its surroundings
     losses=['${contrast_loss}'],
 )
 contrast_loss = dict(

@@ -19,7 +19,7 @@ def with_histograms(
     sites: Sites,
     xyz: Float[np.ndarray, 'points 3'],
     normals: Float[np.ndarray, 'points 3'] | None = None,
-    viewpoint: Float[np.ndarray, '3'] | None = None,
+    viewpoint: Float[np.ndarray, '3'] | tuple[float, float, float] | None = None,
 ) -> Sites:
     """The sites with 33 further inputs: the root of the shares of FPFH's bins, the mean over the points of a site.
 
@@ -36,7 +36,7 @@ def with_histograms(
     points = np.ascontiguousarray(xyz, dtype=np.float64)
     tree = Octree(points)
     if normals is None:
-        seen_from = virtual_viewpoint(points) if viewpoint is None else viewpoint
+        seen_from = virtual_viewpoint(points) if viewpoint is None else np.asarray(viewpoint, dtype=np.float64)
         found = estimate_normals(points, NORMAL_NEIGHBORS, viewpoint=seen_from, octree=tree)
         normals = np.where(found.valid[:, None], found.normals, np.float32(0))
     reach = max(REACH * sites.unit, 1e-12)

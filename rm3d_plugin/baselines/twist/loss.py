@@ -74,6 +74,7 @@ class TwistLoss(LossTerm):
     @torch.no_grad()
     def _pseudo_labels(self, batch: Batch, said: SegmentorOutput) -> TwoWayLabels:
         """Of all scenes; objects are numbered through the batch."""
+        assert said.offsets is not None
         parts = [part.split(batch.sizes) for part in (batch.xyz, said.features.float(), said.logits, said.offsets)]
         classes, objects, count = [], [], 0
         for xyz, features, logits, offsets in zip(*parts, strict=True):

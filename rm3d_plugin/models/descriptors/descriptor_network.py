@@ -50,6 +50,8 @@ class DescriptorNetwork(PointModel):
         backbone: Config of a backbone that knows how far it sees (``reach``).
         channels: Values of a descriptor.
         in_channels: Inputs of a site, 40 with histograms.
+        direct: Whether a linear layer of a site's own inputs is added before the length becomes one: what the inputs
+            tell alone is learnt at once, the backbone learns what they lack.
         losses: Configs of loss terms that read ``features`` and the views.
         data_preprocessor: As for :class:`PointModel`.
         init_cfg: As in mmengine.
@@ -60,12 +62,14 @@ class DescriptorNetwork(PointModel):
         backbone: dict[str, Any],
         channels: int = 32,
         in_channels: int = CHANNELS,
+        direct: bool = False,
         losses: LossConfigs = (),
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
     ) -> None:
         super().__init__(backbone, in_channels, data_preprocessor, init_cfg)
         self.projection = nn.Linear(self.backbone.out_channels, channels)
+        self.direct = nn.Linear(in_channels, channels, bias=False) if direct else None
         self.add_losses(losses, {*DescriptorOutput._fields, *SiteLabels._fields})
 
     @property
@@ -79,8 +83,9 @@ class DescriptorNetwork(PointModel):
 
     def encode(self, points: Tensor, batch_offsets: Tensor) -> Float[Tensor, 'points channels']:
         """Unit vectors."""
-        features = self.backbone(points[:, :3].contiguous(), points[:, 3:].contiguous(), batch_offsets)
-        return normalize(self.projection(features), dim=1)
+        inputs = points[:, 3:].contiguous()
+        out = self.projection(self.backbone(points[:, :3].contiguous(), inputs, batch_offsets))
+        return normalize(out if self.direct is None else out + self.direct(inputs), dim=1)
 
     def classify(self, features: Tensor) -> Tensor:
         """Refused: no loss of classes fits a network that knows none.

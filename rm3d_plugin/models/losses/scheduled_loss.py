@@ -38,8 +38,9 @@ class ScheduledLoss(LossTerm):
         super().__init__()
         if not (0 <= start <= 1 and 0 <= ramp <= 1):
             raise ValueError(f'ScheduledLoss: expected start and ramp in [0, 1], got {start} and {ramp}')
-        self.losses = nn.ModuleList(MODELS.build(loss) for loss in losses)
-        self.needs = tuple(dict.fromkeys(name for term in self.losses for name in term.needs))
+        terms: list[LossTerm] = [MODELS.build(loss) for loss in losses]
+        self.losses = nn.ModuleList(terms)
+        self.needs = tuple(dict.fromkeys(name for term in terms for name in term.needs))
         self.start, self.ramp = start, ramp
 
     def forward(self, batch: Batch, outputs: Any, labels: Any) -> dict[str, Tensor]:

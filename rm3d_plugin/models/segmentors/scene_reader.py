@@ -78,7 +78,8 @@ class SceneReader:
             values = self._averaged(points, chunks, once) if together is None else together[number]
             sizes = (self.num_classes, self.num_features, values.shape[1] - self._scalars)
             probs, *rest = (part.clone() for part in values.split(sizes, dim=1))
-            yield ReadScene(xyz, probs, *(part if part.shape[1] else None for part in rest), chunks)
+            features, offsets = (part if part.shape[1] else None for part in rest)
+            yield ReadScene(xyz, probs, features, offsets, chunks)
 
     @property
     def _scalars(self) -> int:
