@@ -4,8 +4,9 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
+from rm3d_plugin.baselines import Task
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.experiments.kept import kept_rows
 from rm3d_plugin.experiments.run_commands import config_path, option_texts, parse_options
@@ -192,9 +193,13 @@ def probe_row(row: Row) -> Row:
 
 
 def kind_of(row: Row) -> str:
-    """What a run's cost depends on: task and data set, and whether it learns from all labels."""
+    """What a run's cost depends on: task and data set, and whether it learns from all labels.
+
+    A compared method is taken to cost what RM3D does; its pre-training, which runs share, is not counted.
+    """
     words = Path(row.config).stem.split('_')
-    return '_'.join([*words[1:3], *(['full'] if words[-1] == 'full' else [])])
+    at = next((number for number, word in enumerate(words) if word in get_args(Task)), 1)
+    return '_'.join([*words[at : at + 2], *(['full'] if words[-1] == 'full' else [])])
 
 
 def _probe(kind: str, row: Row, request: Request, commands: Commands | None) -> Cost:

@@ -20,7 +20,8 @@ from rm3d_plugin.experiments.tables.pseudo_label_rounds import METHODS as ROUND_
 FEW, ALL = Row('few', 'few_cfg'), Row('all', 'all_cfg')
 TABLE = Table('a title', (FEW, ALL), {'Car': 'car', 'mean': 'mean'}, reference='all')
 TRAINED = {name: table for name, table in TABLES.items() if isinstance(table, Table)}
-BY_BUDGET = [name for name in TRAINED if name != 'detection-mechanisms' and not name.startswith('methods-')]
+OWN_ROWS = ('detection-mechanisms', 'methods-', 'descriptors-instance')  # tables whose rows are others
+BY_BUDGET = [name for name in TRAINED if not name.startswith(OWN_ROWS)]
 
 
 def finish(request, row, seed, **scores):

@@ -59,6 +59,7 @@ def test_costs_by_hand():
     assert cost == Cost('sem_scannet', 30.0 - 13.0 - 9.0 + 5.0 + 5.0, 1.0, 0.5)
     assert seconds_of(cost, Size(10, 20, 3)) == 18.0 + 10 * (20 * 1.0 + 3 * 0.5)
     assert kind_of(ROOMS) == 'sem_scannet' and kind_of(Row('a', 'sup_sem_scannet_full')) == 'sem_scannet_full'
+    assert kind_of(Row('a', 'viewpoint_bottleneck_votenet_kitti_1pct')) == 'votenet_kitti'
     tiny = probe_row(ROOMS)
     assert tiny.options['demo_data.num_train'] == 4 and tiny.options['sigma'] == 1 and tiny.options['periods'] == [4]
 

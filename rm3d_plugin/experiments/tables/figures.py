@@ -24,12 +24,13 @@ from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
 from rm3d_plugin.regions.rules import MergeRules
 from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
 from rm3d_plugin.storage import LabelStore, write_bytes
-from rm3d_plugin.visualization.bev import BevPanel, class_point_colors, draw_bev
+from rm3d_plugin.visualization.bev import BevPanel, class_point_colors, draw_bev, span_of
 from rm3d_plugin.visualization.palette import region_colors
 from rm3d_plugin.visualization.tables import BarPanel, draw_bars
 
 LEAF, SMALL = 'rm3d_ins_scannet_0p2pct', Scale(0.125, 1.0, 1)  # instances: their groups are the merged regions
 SHOWN = ('AdaptedPFH', 'PFH', 'VCCS', 'Contrastive')  # of the paper's Figures 6 and 7; those that are registered
+MARGIN = 0.3  # m around a scene
 PERCENT = 0.2  # of the points of a scene, annotated
 MAX_GAP = {'indoor': 0.1, 'lidar': 0.6}  # m, as in the configs
 HEADS = {'coverage': 'points with a label, %', 'precision': 'pseudo labels right, %', 'offset_error': 'offset error, m'}
@@ -100,7 +101,7 @@ def draw_rounds(folder: Path) -> bytes:
     count = len(source.classes)
     panels = [BevPanel(title, xyz, class_point_colors(labels, count)) for title, labels in classes.items()]
     panels.insert(3, BevPanel('merged regions', xyz, region_colors(last.instance)))
-    return draw_bev(panels, width=2.6)
+    return draw_bev(panels, span_of(panels, MARGIN), width=2.6)
 
 
 def draw_merging(collection: Collection, seed: int) -> bytes:
@@ -115,9 +116,9 @@ def draw_merging(collection: Collection, seed: int) -> bytes:
     for name in (name for name in SHOWN if name in descriptor_names()):
         merged = merge_scene(collection, scene, name, seed)
         for what, labels in (('regions', merged.regions), ('merged', merged.groups)):
-            title = f'{name}: {labels.max() + 1} {what}, {purity(labels, scene.semantic):.1f} % pure'
+            title = f'{name}\n{labels.max() + 1} {what}, {purity(labels, scene.semantic):.1f} % pure'
             panels.append(BevPanel(title, scene.cloud.xyz, region_colors(labels)))
-    return draw_bev(panels, width=2.6)
+    return draw_bev(panels, span_of(panels, MARGIN), width=2.6)
 
 
 def merge_scene(collection: Collection, scene: TableScene, name: str, seed: int) -> Merged:
