@@ -159,9 +159,10 @@ def box_limits(
 ) -> BoxLimits:
     """Limits of each class from the scores of the candidates of all scenes.
 
-    A box is an object with a probability of about (its score over the median score of annotated objects)^2, 1 at most
-    (counted on real street frames: docs/RESULTS.md). As many objects are expected as these add up to, where nothing else
-    tells the number. The best are accepted, no more than are expected, from a share of that median on.
+    A box is taken for an object with a probability of (its score over the median score of annotated objects)^2, 1 at
+    most: squared, since many doubtful boxes are to count little beside a few good ones. As many objects are expected as
+    these add up to, where nothing else tells the number. The best are accepted, no more than are expected, from a share
+    of that median on.
 
     Args:
         found: Candidates with scores.
