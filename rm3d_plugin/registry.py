@@ -11,6 +11,7 @@ from typing import Any
 from mmengine import registry as parent
 
 SCOPE = 'rm3d_plugin'
+BASELINES = 'rm3d_plugin.baselines'  # parts of the compared methods
 
 
 class PartRegistry(parent.Registry):
@@ -29,7 +30,7 @@ class PartRegistry(parent.Registry):
         return super().build(cfg, *args, **kwargs)
 
 
-MODELS = PartRegistry('model', parent=parent.MODELS, scope=SCOPE, locations=['rm3d_plugin.models'])
+MODELS = PartRegistry('model', parent=parent.MODELS, scope=SCOPE, locations=['rm3d_plugin.models', BASELINES])
 DATASETS = PartRegistry('dataset', parent=parent.DATASETS, scope=SCOPE, locations=['rm3d_plugin.datasets'])
 DATA_SAMPLERS = PartRegistry(
     'data sampler', parent=parent.DATA_SAMPLERS, scope=SCOPE, locations=['rm3d_plugin.datasets']
@@ -38,17 +39,19 @@ TRANSFORMS = PartRegistry(
     'transform',
     parent=parent.TRANSFORMS,
     scope=SCOPE,
-    locations=['rm3d_plugin.datasets', 'rm3d_plugin.inference.region_numbers'],
+    locations=['rm3d_plugin.datasets', 'rm3d_plugin.inference.region_numbers', BASELINES],
 )
 METRICS = PartRegistry('metric', parent=parent.METRICS, scope=SCOPE, locations=['rm3d_plugin.evaluation'])
 HOOKS = PartRegistry(
     'hook',
     parent=parent.HOOKS,
     scope=SCOPE,
-    locations=['rm3d_plugin.engine.hooks', 'rm3d_plugin.reporting.report_hook'],
+    locations=['rm3d_plugin.engine.hooks', 'rm3d_plugin.reporting.report_hook', BASELINES],
 )
 LOOPS = PartRegistry('loop', parent=parent.LOOPS, scope=SCOPE, locations=['rm3d_plugin.engine.loops'])
-TASK_UTILS = PartRegistry('task util', parent=parent.TASK_UTILS, scope=SCOPE, locations=['rm3d_plugin.labeling'])
+TASK_UTILS = PartRegistry(
+    'task util', parent=parent.TASK_UTILS, scope=SCOPE, locations=['rm3d_plugin.labeling', BASELINES]
+)
 
 DESCRIPTORS = PartRegistry('descriptor', scope=SCOPE, locations=['rm3d_plugin.descriptors'])
 OVERSEGMENTERS = PartRegistry('oversegmenter', scope=SCOPE, locations=['rm3d_plugin.oversegmentation'])

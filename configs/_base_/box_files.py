@@ -22,9 +22,15 @@ heading_bins = None  # 1 where no annotated box is turned, else 12
 box_kind = None  # of pseudo boxes: axis_aligned likewise, else completed
 voxel_size = None  # m
 paste_objects = 8  # annotated objects of other scans copied into each training scan
+paste_accepted = False  # True: pseudo objects of the round, too
 train_pipeline = None  # the one or the other: whether any annotated box is turned
 turning_pipeline = [
-    dict(type='LabelledObjectPaste', max_objects='${paste_objects}', places=dict(bearing=[-3.1416, 3.1416])),
+    dict(
+        type='LabelledObjectPaste',
+        max_objects='${paste_objects}',
+        accepted='${paste_accepted}',
+        places=dict(bearing=[-3.1416, 3.1416]),
+    ),
     dict(type='DropGround'),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='GlobalRotScale', rot=[-0.785, 0.785], scale=[0.95, 1.05]),

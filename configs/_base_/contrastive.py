@@ -6,7 +6,9 @@ negative_distance = 16.0  # voxels, about 1 m in a room; METHOD 3
 model = dict(
     type='DescriptorNetwork',
     backbone='${backbone}',
+    in_channels=40,  # of a site with histograms
     channels='${channels}',
+    direct=True,  # a site's own inputs count beside what the backbone makes of its surroundings
     losses=['${contrast_loss}'],
 )
 contrast_loss = dict(

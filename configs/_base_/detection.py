@@ -111,12 +111,26 @@ model = dict(
         far='${far}',
         unlabelled_weight='${unlabelled_weight}',
     ),
+    iou_head='${iou_head}',
     losses='${losses}',
     fuse_iou=0.3,
 )
 
+iou_head = dict(type='BoxIoUHead')  # how well a box fits, which scores are multiplied by; None, with iou_loss=None: no
+
 # --- Losses (METHOD 7). One that is None is left out, and one of your own is a further entry.
-losses = ['${vote_loss}', '${point_loss}', '${aug_loss}', '${dice_loss}', '${scene_class_loss}']
+losses = [
+    '${vote_loss}',
+    '${point_loss}',
+    '${aug_loss}',
+    '${dice_loss}',
+    '${scene_class_loss}',
+    '${iou_loss}',
+    '${prototype_loss}',
+    '${method_loss}',
+]
+method_loss = None  # of a compared method
+method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
 vote_loss = dict(type='VoteNetLoss', loss_weight=10.0)
 point_loss = dict(
     type='WeakSupervision',
@@ -127,11 +141,16 @@ point_loss = dict(
 aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
 dice_loss = dict(type='ProposalDice', loss=dict(type='DiceLoss'))
 scene_class_loss = dict(type='SceneClasses', num_classes='${num_classes}')
+iou_loss = dict(type='BoxOverlap')
+prototype_loss = None  # '${class_prototypes}': several prototypes a class, for the classes of points alone
+class_prototypes = dict(type='ClassPrototypes', num_classes='${num_classes}', channels='${widths[0]}')
 
 # --- Labels: how points become regions, regions merge and groups become boxes (METHOD 3, 5, 6)
 budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 graph_neighbors = 8
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it, and axis-aligned boxes
+mirror = True  # pseudo boxes are those that the network sees in the mirrored scene, too
+teacher = dict()  # boxes that the network predicts become pseudo boxes; None: groups of regions do, by `objects`
 self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
 label_maker = dict(
     type='DetectionLabelMaker',
@@ -148,6 +167,7 @@ label_maker = dict(
     merge='${merge}',
     objects='${objects}',
     self_training='${self_training}',
+    teacher='${teacher}',
 )
 custom_hooks = [
     dict(type='EpochSeedHook'),
@@ -158,7 +178,9 @@ custom_hooks = [
         warm_up_rounds='${warm_up_rounds}',
         dataloader='${label_dataloader}',
         label_maker='${label_maker}',
+        mirror='${mirror}',
     ),
+    '${method_hook}',
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),
     dict(type='ReportHook'),

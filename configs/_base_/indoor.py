@@ -34,6 +34,7 @@ val_split = 'val'
 voxel_downsample = None  # m; keep one point in each cube of this edge
 crop_points = 250000
 elastic_prob = 0.95
+method_view = None  # of a compared method: a further view
 aug_prob = 0.25  # share of scenes with a second view for L_Aug; 1, as the paper has it: a step costs half more
 train_pipeline = [  # METHOD 7
     dict(type='RandomCrop', max_points='${crop_points}', shape='column'),
@@ -43,6 +44,7 @@ train_pipeline = [  # METHOD 7
     dict(type='ColorAutoContrast'),
     dict(type='ColorJitter'),
     dict(type='AugmentedView', prob='${aug_prob}'),
+    '${method_view}',
     dict(type='PackScene'),
 ]
 eval_pipeline = [dict(type='PackScene')]
@@ -162,7 +164,7 @@ model = dict(
 )
 
 # --- Losses (METHOD 7). One that is None is left out, and one of your own is a further entry.
-losses = ['${point_loss}', '${aug_loss}', '${offset_loss}', '${dice_loss}']
+losses = ['${point_loss}', '${aug_loss}', '${offset_loss}', '${dice_loss}', '${method_loss}']
 class_balance = 'batch'  # by the labels of a batch; 'frequency': by the annotated labels; 'none'
 class_power = 0.5  # weight of a class = labels of it ^ -0.5
 pseudo_weight = 1.0  # of a label that the budget did not show
@@ -170,6 +172,8 @@ confidence_power = 0.0
 annotated_share = None  # of L_WSL that annotated labels have, however few; None: all labels alike
 offset_weight = 1.0  # of the offsets' loss; smaller: classes are learnt faster
 dice_weight = 1.0  # of the masks' loss
+method_loss = None  # of a compared method
+method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
 point_loss = dict(
     type='WeakSupervision',
     balance='${class_balance}',
@@ -234,6 +238,7 @@ custom_hooks = [
         dataloader='${label_dataloader}',
         label_maker='${label_maker}',
     ),
+    '${method_hook}',
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),
     dict(type='ReportHook'),

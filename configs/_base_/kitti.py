@@ -10,8 +10,9 @@ class_sizes = [[3.9, 1.6, 1.56], [0.8, 0.6, 1.73], [1.76, 0.6, 1.73]]  # m, wher
 near = [0.8, 0.4, 0.5]  # m to a centre, up to which a proposal means it
 far = [1.6, 0.9, 1.1]  # m, from which it means none
 paste_objects = 8  # annotated objects of other frames copied into each training frame
+paste_accepted = False  # True: pseudo objects of the round, too
 train_pipeline = [
-    dict(type='LabelledObjectPaste', max_objects='${paste_objects}'),
+    dict(type='LabelledObjectPaste', max_objects='${paste_objects}', accepted='${paste_accepted}'),
     dict(type='DropGround'),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='GlobalRotScale', rot=[-0.785, 0.785], scale=[0.95, 1.05]),

@@ -34,6 +34,7 @@ val_split = 'val'
 voxel_downsample = None  # m; keep one point in each cube of this edge
 crop_points = 120000
 recent_scenes = 16  # whose shapes and heights stay in memory
+method_view = None  # of a compared method: a further view
 aug_prob = 0.25  # share of scenes with a second view for L_Aug; 1, as the paper has it: a step costs half more
 # METHOD 7. Heights are above the ground below a point, so slopes need not be learnt: the ground is found in the whole scene,
 # before any crop.
@@ -46,6 +47,7 @@ train_pipeline = [
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='AugmentedView', prob='${aug_prob}'),
+    '${method_view}',
     dict(type='PackScene'),
 ]
 eval_pipeline = [
@@ -139,11 +141,13 @@ model = dict(
 )
 
 # --- Losses (METHOD 7). One that is None is left out, and one of your own is a further entry.
-losses = ['${point_loss}', '${aug_loss}']
+losses = ['${point_loss}', '${aug_loss}', '${method_loss}']
 class_balance = 'batch'  # by the labels of a batch; 'frequency': by the annotated labels; 'none'
 class_power = 0.5  # weight of a class = labels of it ^ -0.5: wires and poles are a thousandth of the points
 pseudo_weight = 1.0  # of a label that the budget did not show
 annotated_share = 0.2  # of L_WSL that annotated labels have; those that propagate are mostly of wide flat things
+method_loss = None  # of a compared method
+method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
 point_loss = dict(
     type='WeakSupervision',
     balance='${class_balance}',
@@ -222,6 +226,7 @@ custom_hooks = [
         dataloader='${label_dataloader}',
         label_maker='${label_maker}',
     ),
+    '${method_hook}',
     dict(type='SafeCheckpointHook'),
     dict(type='RunRecordHook'),
     dict(type='ReportHook'),

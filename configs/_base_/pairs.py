@@ -40,9 +40,10 @@ crop_points = 20000  # of each crop, before it is thinned
 overlap = [0.3, 0.9]  # share of its points that a crop has in common with the other
 keep = [0.5, 1.0]  # share of a crop's points that stay: crops differ in density
 jitter = 0.005  # m
+histograms = True  # a site tells how normals turn around it, too
 train_pipeline = [
     dict(type='CropPairs', points='${crop_points}', overlap='${overlap}', keep='${keep}', jitter='${jitter}'),
-    dict(type='VoxelUnits'),
+    dict(type='VoxelUnits', histograms='${histograms}'),
     dict(type='PackScene'),
 ]
 train_dataloader = dict(
@@ -89,5 +90,5 @@ demo = dict(
     crop_points=8000,
     sigma=20,
     batch_size=1,
-    learning_rate=3e-3,
+    learning_rate=2e-3,
 )

@@ -13,8 +13,14 @@ far = [1.6, 0.9, 1.1]  # m, from which it means none
 num_seeds = 2048
 num_proposals = 512
 paste_objects = 8  # annotated objects of other frames copied into each training frame
+paste_accepted = False  # True: pseudo objects of the round, too
 train_pipeline = [
-    dict(type='LabelledObjectPaste', max_objects='${paste_objects}', places=dict(bearing=[-3.1416, 3.1416])),
+    dict(
+        type='LabelledObjectPaste',
+        max_objects='${paste_objects}',
+        accepted='${paste_accepted}',
+        places=dict(bearing=[-3.1416, 3.1416]),
+    ),
     dict(type='DropGround'),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='GlobalRotScale', rot=[-0.785, 0.785], scale=[0.95, 1.05]),

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 Task = Literal['sem', 'ins', 'votenet']
+Declared = Literal['label-aware sampling', 'budget grows', 'second view', 'pre-training', 'regions']
 LABELS: dict[Task, str] = {'sem': 'points', 'ins': 'points', 'votenet': 'boxes'}
 
 
@@ -18,12 +19,15 @@ class Baseline:
         title: Row of a table; ``{labels}`` stands for points or boxes.
         leaf: Name of its configs; ``{task}``, ``{data}`` and ``{budget}`` are filled in.
         options: Task -> the config keys in which it differs from ``rm3d_{task}_{data}_{budget}``.
+        declares: What it does that others do not. All else is common: network, labels, schedule, augmentation, and how
+            scenes are sampled; tests hold that.
     """
 
     name: str
     title: str
     leaf: str
     options: Mapping[Task, Mapping[str, Any]]
+    declares: tuple[Declared, ...] = ()
 
     def config(self, task: Task, data: str, budget: str) -> str:
         """Name of the config leaf.

@@ -3,9 +3,10 @@
 import argparse
 from pathlib import Path
 
-from mmengine.config import Config, DictAction
+from mmengine.config import Config
 
 from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.engine.key_values import KeyValues
 from rm3d_plugin.registry import SCOPE
 
 
@@ -21,7 +22,7 @@ def add_config_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--cfg-options',
         nargs='+',
-        action=DictAction,
+        action=KeyValues,
         default={},
         metavar='KEY=VALUE',
         help='change config keys: data_root=/my/kitti descriptor.type=FPFH budget=3pct seed=1',

@@ -4,11 +4,10 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from mmengine.config import DictAction
-
 from rm3d_plugin.commands.config_arguments import config_of
 from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.key_values import KeyValues
 from rm3d_plugin.reporting.draw_labels import draw_labels, source_of, source_of_dataset
 
 EPILOG = """\
@@ -52,11 +51,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--scenes', type=whole(0), default=8, help='scenes that the page shows; default 8')
     parser.add_argument('--demo', action='store_true', help='on synthetic demo data, made on first use')
     parser.add_argument(
-        '--cfg-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help='change config keys'
+        '--cfg-options', nargs='+', action=KeyValues, default={}, metavar='KEY=VALUE', help='change config keys'
     )
     parser.add_argument('--dataset', help='instead of a config: type of a segmentation data set')
     parser.add_argument(
-        '--dataset-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help='of --dataset'
+        '--dataset-options', nargs='+', action=KeyValues, default={}, metavar='KEY=VALUE', help='of --dataset'
     )
     parser.set_defaults(work_dir=None)
     args = parser.parse_args(arguments)

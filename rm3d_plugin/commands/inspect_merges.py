@@ -4,10 +4,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from mmengine.config import DictAction
-
 from rm3d_plugin.commands.numbers import whole
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.key_values import KeyValues
 from rm3d_plugin.reporting.replay import RoundOfLabels, format_extremes, format_replay, source_of_run
 
 
@@ -24,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         '--replay',
         nargs='+',
-        action=DictAction,
+        action=KeyValues,
         metavar='KEY=VALUE',
         help='decide the merges of the round again without training: tau (what the compared mean must reach) and any '
         'field of MergeRules or cbst_fraction, gamma=.8 thresholds=literal cbst_fraction=.2 say',

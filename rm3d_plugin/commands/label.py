@@ -5,10 +5,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from mmengine.config import DictAction
-
 from rm3d_plugin.commands.numbers import number, whole
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.key_values import KeyValues
 from rm3d_plugin.inference.given_labels import clicked_labels, field_labels
 from rm3d_plugin.inference.label_files import (
     SAME,
@@ -161,7 +160,7 @@ def _add_training(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         '--cfg-options',
         nargs='+',
-        action=DictAction,
+        action=KeyValues,
         default={},
         metavar='KEY=VALUE',
         help='change keys of the config rm3d_sem_files_KIND_clicks: voxel_size=0.1 seed=1',

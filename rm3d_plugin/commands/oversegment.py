@@ -4,9 +4,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from mmengine.config import DictAction
-
 from rm3d_plugin.commands.numbers import whole
+from rm3d_plugin.engine.key_values import KeyValues
 from rm3d_plugin.inference.oversegment import PRESETS, discarded_text, oversegment_file
 
 
@@ -46,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     for part in ('descriptor', 'oversegmenter'):
         parser.add_argument(
-            f'--{part}-options', nargs='+', action=DictAction, default={}, metavar='KEY=VALUE', help=f'of the {part}'
+            f'--{part}-options', nargs='+', action=KeyValues, default={}, metavar='KEY=VALUE', help=f'of the {part}'
         )
     args = parser.parse_args(arguments)
     regions = oversegment_file(

@@ -19,6 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         jobs=args.jobs,
         options=tuple(args.cfg_options),
         data=tuple(args.data),
+        descriptors=tuple(args.descriptors),
         scenes=args.scenes,
         points=args.points or None,
         seed=args.seed,
@@ -67,6 +68,9 @@ def _parser() -> argparse.ArgumentParser:
         default=list(COLLECTIONS),
         choices=COLLECTIONS,
         help='kinds of scenes; default: all there are',
+    )
+    measured.add_argument(
+        '--descriptors', nargs='+', default=[], metavar='NAME', help='rows of tables of descriptors; default: all'
     )
     measured.add_argument('--data-root', type=Path, help='folder of the scenes; default OUT/data, RM3D_REAL_DATA')
     return parser

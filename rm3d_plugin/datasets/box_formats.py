@@ -11,7 +11,6 @@ Boxes are rows as :class:`~rm3d_plugin.structures.Boxes3D`, in the coordinates o
 - ``json``: what ``rm3d predict`` writes.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from rm3d_plugin.datasets.box_writers import (
 )
 from rm3d_plugin.datasets.kitti_format import KittiCalib, objects_to_boxes, read_objects, wrap_angle
 from rm3d_plugin.datasets.named_boxes import SIZES, BoxFileError, NamedBoxes
+from rm3d_plugin.storage.files import parse_json
 
 MOST_TILT = 5.0  # degrees about x or y that a person may not have meant; boxes stand upright
 PCDET_FIELDS = ('x', 'y', 'z', 'dx', 'dy', 'dz', 'yaw')
@@ -90,7 +90,7 @@ def _gathered(names: list[str], rows: list[list[float]], scores: list[float] | N
 
 def _load(path: Path) -> Any:
     try:
-        return json.loads(path.read_text(encoding='utf-8-sig'))
+        return parse_json(path.read_text(encoding='utf-8-sig'))
     except FileNotFoundError:
         raise BoxFileError(f'{path}: no such file; expected boxes') from None
     except ValueError as error:

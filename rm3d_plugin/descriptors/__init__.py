@@ -5,12 +5,19 @@ from rm3d_plugin.descriptors.base import Descriptor, cloud_normals, cosine_simil
 from rm3d_plugin.descriptors.external import External
 from rm3d_plugin.descriptors.fpfh import FPFH, fpfh
 from rm3d_plugin.descriptors.hks import HKS, heat_kernel_signature
-from rm3d_plugin.descriptors.learned import Contrastive, LearnedDescriptor, Predator
+from rm3d_plugin.descriptors.learned import (
+    Contrastive,
+    LearnedDescriptor,
+    PointSIFT,
+    Predator,
+    SupervisedSuperpoint,
+)
 from rm3d_plugin.descriptors.pfh import PFH, original_pfh
 from rm3d_plugin.descriptors.shot import SHOT, shot
 from rm3d_plugin.descriptors.sihks import SIHKS, scale_invariant_heat_kernel_signature
 from rm3d_plugin.descriptors.spectral import SpectralDescriptor
 from rm3d_plugin.descriptors.superpoint_graph import SuperpointGraph
+from rm3d_plugin.descriptors.turned_scene import TurnedScene
 from rm3d_plugin.descriptors.vccs import VCCS
 from rm3d_plugin.descriptors.visual_similarity import LightFields, VisualSimilarity, light_fields
 from rm3d_plugin.descriptors.wks import WKS, wave_kernel_signature
@@ -29,9 +36,12 @@ __all__ = [
     'External',
     'LearnedDescriptor',
     'LightFields',
+    'PointSIFT',
     'Predator',
     'SpectralDescriptor',
     'SuperpointGraph',
+    'SupervisedSuperpoint',
+    'TurnedScene',
     'VisualSimilarity',
     'adapted_pfh',
     'cloud_normals',

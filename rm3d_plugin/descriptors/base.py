@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.octree import Octree
+from rm3d_plugin.ops.viewpoint import virtual_viewpoint as virtual_viewpoint
 from rm3d_plugin.storage.fingerprint import Fingerprinted
 from rm3d_plugin.structures import Descriptors, PointCloud
 
@@ -46,23 +47,6 @@ def growing_radii(cloud: PointCloud, radius: float, range_growth: float) -> Floa
     sensor = np.zeros(3) if cloud.sensor is None else np.asarray(cloud.sensor)
     distance = np.linalg.norm(cloud.xyz - sensor, axis=1)
     return radius * np.maximum(1.0, range_growth * distance)
-
-
-def virtual_viewpoint(xyz: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, '3']:
-    """A viewpoint for a cloud whose sensor is not known (metres); it moves with the cloud under any rigid motion.
-
-    It lies off the mean along the direction in which the cloud is thinnest, on the side of the longer tail, as far as
-    the cloud's standard deviation in all directions together: a plane is seen from one side, a room from its middle.
-    """
-    if len(xyz) == 0:
-        return np.zeros(3)
-    points = xyz.astype(np.float64)
-    mean = points.mean(axis=0)
-    centred = points - mean
-    variances, axes = np.linalg.eigh(centred.T @ centred / len(points))
-    along = centred @ axes[:, 0]
-    side = 1.0 if (along**3).sum() >= 0 else -1.0
-    return mean + side * np.sqrt(max(variances.sum(), 0.0)) * axes[:, 0]
 
 
 def cloud_normals(cloud: PointCloud, k: int, octree: Octree | None = None) -> Float[np.ndarray, 'points 3']:

@@ -71,6 +71,7 @@ def load_config(
     if 'num_classes' in config and 'class_names' in config:
         _count_classes(config)
     resolved = Config(resolve(config.to_dict(), path), filename=config.filename)
+    _leave_out_none(resolved)
     for key in WHOLE:
         if key in resolved:
             _count(resolved, key)
@@ -78,6 +79,14 @@ def load_config(
     _check_restarts(resolved)
     _import_custom_modules(resolved)
     return resolved
+
+
+def _leave_out_none(config: Config) -> None:
+    """Drop hooks and steps of the training pipeline that are None, as a model drops such losses."""
+    dataset = (config.get('train_dataloader') or {}).get('dataset') or {}
+    for holder, key in ((config, 'custom_hooks'), (config, 'train_pipeline'), (dataset, 'pipeline')):
+        if isinstance(parts := holder.get(key), list):
+            holder[key] = [part for part in parts if part is not None]
 
 
 def resolve(config: Mapping[str, Any], path: str | Path = 'config') -> dict[str, Any]:

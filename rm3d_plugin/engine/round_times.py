@@ -96,3 +96,13 @@ def _total(entries: Any) -> Seconds:
     for entry in entries:
         total = total.plus(Seconds(float(entry['wall']), float(entry['cpu'])))
     return total
+
+
+def total_seconds(folder: str | Path) -> Seconds:
+    """Training and making labels of a whole run, as its ``timing.json`` has it; nothing where there is none."""
+    path = Path(folder) / 'timing.json'
+    if not path.is_file():
+        return Seconds()
+    with content_of(path, 'the times of a run'):
+        content = read_json(path)
+        return _total([*content['labels'].values(), *content['epochs'].values()])

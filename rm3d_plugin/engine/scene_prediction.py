@@ -10,7 +10,7 @@ from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.structures import Boxes3D, SceneError, sample_fields
 
-_POINTS = ('pred_point_probs', 'pred_point_centers')
+_POINTS = ('pred_point_probs', 'pred_point_centers', 'pred_point_features')
 _SLACK = 0.05  # sums of half-precision probabilities are off by so much
 
 
@@ -38,8 +38,8 @@ def scene_prediction(sample: Any) -> tuple[str, PointPrediction]:
     rows: dict[str, np.ndarray] = {name: _rows(fields[name]) for name in _POINTS if name in fields}
     _check_rows(rows, index, total, scene)
     scattered = {name: scatter_rows(values, index, total, fill=np.nan) for name, values in rows.items()}
-    prediction = PointPrediction(scattered['pred_point_probs'], scattered.get('pred_point_centers'), _boxes(fields))
-    return scene, prediction
+    _, centers, features = (scattered.get(name) for name in _POINTS)
+    return scene, PointPrediction(scattered['pred_point_probs'], centers, _boxes(fields), features)
 
 
 def _check_probabilities(probs: np.ndarray, scene: str) -> None:

@@ -2,7 +2,9 @@
 
 from rm3d_plugin.descriptors import Descriptor
 from rm3d_plugin.descriptors.learned import LearnedDescriptor
+from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments.scenes import Collection
+from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.inference.oversegment import build_part
 from rm3d_plugin.registry import DESCRIPTORS
 
@@ -16,6 +18,18 @@ def compared_descriptors() -> tuple[str, ...]:
     """Type names of those that work at once: registered, with weights in the package where they need any."""
     kinds = DESCRIPTORS.module_dict
     return tuple(name for name in ORDER if name in kinds and _has_weights(kinds[name]))
+
+
+def asked_descriptors(request: Request) -> tuple[str, ...]:
+    """The rows that a request asks for, in the order of the tables.
+
+    Raises:
+        ConfigError: A name is not among :func:`compared_descriptors`.
+    """
+    names = compared_descriptors()
+    if unknown := sorted(set(request.descriptors) - set(names)):
+        raise ConfigError(f'descriptors: expected some of {", ".join(names)}; got {", ".join(unknown)}')
+    return tuple(name for name in names if name in request.descriptors or not request.descriptors)
 
 
 def _has_weights(kind: type[Descriptor]) -> bool:

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rm3d_plugin.experiments.render import Cell
-from rm3d_plugin.experiments.scenes import random_turn, turned
+from rm3d_plugin.experiments.scenes import turned
+from rm3d_plugin.ops.turns import random_turn
 from rm3d_plugin.structures import PointCloud
 
 Pose = Literal['original', 'z', 'so3']

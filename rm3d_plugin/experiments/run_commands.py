@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mmengine.config import DictAction
-
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.config_files import find_config
+from rm3d_plugin.engine.key_values import KeyValues
 
 _RM3D = (sys.executable, '-m', 'rm3d_plugin')
 
@@ -50,7 +49,7 @@ def option_texts(options: Mapping[str, Any]) -> dict[str, str]:
 def parse_options(texts: Mapping[str, str]) -> dict[str, Any]:
     """What the command makes of :func:`option_texts`: dotted key -> value."""
     parser = argparse.ArgumentParser()
-    parser.add_argument('--cfg-options', nargs='*', action=DictAction, default={})
+    parser.add_argument('--cfg-options', nargs='*', action=KeyValues, default={})
     arguments = ['--cfg-options', *(f'{key}={text}' for key, text in texts.items())]
     found: dict[str, Any] = parser.parse_args(arguments).cfg_options
     return found

@@ -10,8 +10,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.datasets.oakland import OaklandDataset
+from rm3d_plugin.datasets.s3dis import S3DISDataset
 from rm3d_plugin.datasets.scannet import ScanNetDataset
 from rm3d_plugin.datasets.segmentation import SegmentationDataset
+from rm3d_plugin.datasets.semantic3d import HOLDOUT, Semantic3DDataset
 from rm3d_plugin.datasets.semantickitti import SemanticKittiDataset
 from rm3d_plugin.descriptors import cloud_normals
 from rm3d_plugin.engine.config import ConfigError
@@ -21,6 +23,7 @@ from rm3d_plugin.structures import PointCloud
 
 NORMAL_NEIGHBORS = 20
 OUTDOOR_VOXEL = 0.15  # m, of the voxel downsampling outdoors
+SEED = 1  # of synthetic scenes; the demos that learned descriptors are trained on have 0
 NEAR = 20.0  # m; farther off the rings of a lidar are farther apart than any of the radii below
 REAL_DATA = 'RM3D_REAL_DATA'  # environment variable; folder with oakland/ and semantickitti/
 
@@ -82,20 +85,6 @@ def turned(cloud: PointCloud, matrix: Float[np.ndarray, '3 3']) -> PointCloud:
 def described_surface(cloud: PointCloud) -> PointCloud:
     """The cloud with normals and curvature; normals turn to the sensor, or to a viewpoint that moves with the cloud."""
     return with_normals(replace(cloud, normals=cloud_normals(cloud, NORMAL_NEIGHBORS)), NORMAL_NEIGHBORS)
-
-
-def turn_about(axis: Sequence[float] | Float[np.ndarray, '3'], degrees: float) -> Float[np.ndarray, '3 3']:
-    """Rotation matrix about an axis through the origin (Rodrigues)."""
-    x, y, z = np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = np.deg2rad(degrees)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
-
-
-def random_turn(kind: Literal['z', 'so3'], rng: np.random.Generator) -> Float[np.ndarray, '3 3']:
-    """A turn by a random angle of 0 to 180 degrees, about z or about an axis of random direction."""
-    axis = np.array([0.0, 0.0, 1.0]) if kind == 'z' else rng.normal(size=3)
-    return turn_about(axis, rng.uniform(0.0, 180.0))
 
 
 def load_collections(request: Request) -> list[Collection]:
@@ -162,7 +151,9 @@ def _read_scene(dataset: SegmentationDataset, index: int, points: int | None, ne
 def _rooms(data_root: Path, amount: Amount) -> Collection:
     from rm3d_plugin.datasets.synthetic import make_scannet_rooms  # virtual sensors take seconds to import
 
-    root = make_scannet_rooms(data_root / f'rooms_{amount.scenes}', num_train=1, num_val=amount.scenes, progress=False)
+    root = make_scannet_rooms(
+        data_root / f'rooms_{amount.scenes}_seed{SEED}', 1, amount.scenes, seed=SEED, progress=False
+    )
     val = ScanNetDataset(root, 'val')
     tuning = read_scenes(ScanNetDataset(root, 'train'), [0], amount.points)
     found = read_scenes(val, range(amount.scenes), amount.points)
@@ -173,7 +164,7 @@ def _streets(data_root: Path, amount: Amount) -> Collection:
     from rm3d_plugin.datasets.synthetic import make_semantickitti_streets
 
     root = make_semantickitti_streets(
-        data_root / f'streets_{amount.scenes}', num_train=1, num_val=amount.scenes, progress=False
+        data_root / f'streets_{amount.scenes}_seed{SEED}', 1, amount.scenes, seed=SEED, progress=False
     )
     val = SemanticKittiDataset(root, 'val', voxel_downsample=OUTDOOR_VOXEL)
     train = SemanticKittiDataset(root, 'train', sequences=(0,), voxel_downsample=OUTDOOR_VOXEL)
@@ -182,20 +173,24 @@ def _streets(data_root: Path, amount: Amount) -> Collection:
 
 def _semantickitti(data_root: Path, amount: Amount) -> Collection | None:
     root = real_root() / 'semantickitti'
-    if not (root / 'sequences' / '00').is_dir() or not (root / 'sequences' / '01').is_dir():
-        return None
-    town = SemanticKittiDataset(root, sequences=(0,), voxel_downsample=OUTDOOR_VOXEL)
-    tuning = read_scenes(
-        SemanticKittiDataset(root, sequences=(1,), voxel_downsample=OUTDOOR_VOXEL), [0], amount.points, NEAR
+    there = sorted(
+        int(folder.name) for folder in (root / 'sequences').glob('[0-9][0-9]') if (folder / 'labels').is_dir()
     )
-    return _lidar('semantickitti', 'SemanticKITTI (real)', tuning, town, amount)
+    if len(there) < 2:
+        return None
+    teaching = SemanticKittiDataset(root, sequences=(there[1],), voxel_downsample=OUTDOOR_VOXEL)
+    data = SemanticKittiDataset(root, sequences=tuple(there), voxel_downsample=OUTDOOR_VOXEL)
+    tuning = read_scenes(teaching, [0], amount.points, NEAR)
+    return _lidar('semantickitti', 'SemanticKITTI (real)', tuning, data, amount)
 
 
 def _lidar(
-    name: str, title: str, tuning: tuple[TableScene, ...], data: SemanticKittiDataset, amount: Amount
+    name: str, title: str, tuning: tuple[TableScene, ...], data: SegmentationDataset, amount: Amount
 ) -> Collection:
     options = {'RegionGrowing': {'ground': None}}  # the ground is a part of the partition that is scored
-    found = read_scenes(data, range(min(amount.scenes, len(data))), amount.points, NEAR)
+    taken = {scene.name for scene in tuning}
+    left = [index for index, scene in enumerate(data.scene_ids) if scene not in taken]
+    found = read_scenes(data, left[: amount.scenes], amount.points, NEAR)
     return Collection(name, title, 'lidar', len(data.classes), tuning, found, options)
 
 
@@ -217,9 +212,32 @@ def _oakland(data_root: Path, amount: Amount) -> Collection | None:
     return Collection('oakland', 'Oakland (real)', 'lidar', len(test.classes), tuning, found, options)
 
 
+def _offices(data_root: Path, amount: Amount) -> Collection:
+    from rm3d_plugin.datasets.synthetic import make_s3dis_rooms
+
+    root = make_s3dis_rooms(data_root / f'offices_{amount.scenes}_seed{SEED}', amount.scenes, seed=SEED, progress=False)
+    test = S3DISDataset(root, 'test', cache=None)
+    tuning = read_scenes(S3DISDataset(root, 'train', cache=None), [0], amount.points)
+    found = read_scenes(test, range(amount.scenes), amount.points)
+    return Collection('offices', 'offices, tripod (synthetic)', 'indoor', len(test.classes), tuning, found)
+
+
+def _stations(data_root: Path, amount: Amount) -> Collection:
+    from rm3d_plugin.datasets.synthetic import make_semantic3d_streets
+
+    scenes = min(amount.scenes, len(HOLDOUT))
+    root = make_semantic3d_streets(data_root / f'stations_{scenes}_seed{SEED}', 1, scenes, seed=SEED, progress=False)
+    val = Semantic3DDataset(root, 'val', stations=HOLDOUT[:scenes], voxel_downsample=OUTDOOR_VOXEL)
+    train = Semantic3DDataset(root, stations=('bildstein_station1',), voxel_downsample=OUTDOOR_VOXEL)
+    tuning = read_scenes(train, [0], amount.points, NEAR)
+    return _lidar('stations', 'streets, terrestrial scanner (synthetic)', tuning, val, amount)
+
+
 COLLECTIONS: dict[str, Callable[[Path, Amount], Collection | None]] = {
     'rooms': _rooms,
     'streets': _streets,
+    'offices': _offices,
+    'stations': _stations,
     'semantickitti': _semantickitti,
     'oakland': _oakland,
 }

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.experiments.compared import cpu_seconds, further_cells, further_heads, values_of
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
 from rm3d_plugin.experiments.runner import final_scores, run_folder, seeds_of
 from rm3d_plugin.experiments.spec import Request, Row, Table
@@ -32,8 +33,11 @@ def fill_table(table: Table, request: Request) -> FilledTable:
     """
     records = [record for row in table.rows for record in _records(table, row, request)]
     ratio = [f'{list(table.scores)[-1]} / {table.reference}'] if table.reference is not None else []
-    heads = (*table.scores, *ratio, *([COVERAGE, PRECISION] if table.labels else ()))
-    rows = tuple(NamedRow(_title(row), _cells(table, row.name, records)) for row in table.rows)
+    heads = (*table.scores, *ratio, *([COVERAGE, PRECISION] if table.labels else ()), *further_heads(table))
+    rows = tuple(
+        NamedRow(_title(row), _cells(table, row.name, records) + further_cells(table, row, records))
+        for row in table.rows
+    )
     section = Section('', ('trained on', *heads), rows)
     seeds = ', '.join(map(str, request.seeds))
     return FilledTable(
@@ -89,20 +93,18 @@ def _records(table: Table, row: Row, request: Request) -> list[dict[str, float |
         record |= {head: scores[key] for head, key in table.scores.items()}
         if table.labels:
             record |= dict(zip((COVERAGE, PRECISION), label_shares(run_folder(request.out, row, seed)), strict=True))
+        if table.cost:
+            record |= cpu_seconds(run_folder(request.out, row, seed))._asdict()
         found.append(record)
     return found
 
 
 def _cells(table: Table, name: str, records: Sequence[Mapping[str, float | str | None]]) -> tuple[Cell, ...]:
-    cells = [mean_and_range(_values(records, name, head)) for head in table.scores]
+    cells = [mean_and_range(values_of(records, name, head)) for head in table.scores]
     last = list(table.scores)[-1]
     if table.reference is not None:
-        whole = statistics.mean(_values(records, table.reference, last))
+        whole = statistics.mean(values_of(records, table.reference, last))
         cells.append(Cell(f'{100 * statistics.mean(cells[-1].values) / whole:.0f} %' if whole else '-'))
     if table.labels:
-        cells += [mean_and_range(_values(records, name, head)) for head in (COVERAGE, PRECISION)]
+        cells += [mean_and_range(values_of(records, name, head)) for head in (COVERAGE, PRECISION)]
     return tuple(cells)
-
-
-def _values(records: Sequence[Mapping[str, float | str | None]], name: str, head: str) -> list[float]:
-    return [value for record in records if record['row'] == name and isinstance(value := record[head], int | float)]

@@ -16,6 +16,8 @@ BUDGETS = {
     '20pts': '20 points',
     '1pct': '1 %',
     '20pct': '20 %',
+    'scenes5pct': '5 % of the scenes',
+    'scenes20pct': '20 % of the scenes',
 }
 
 
@@ -34,6 +36,9 @@ class Row:
         test: Config keys under which the trained network is tested anew (other data, turned scenes). None: the last
             validation of the training counts.
         seeds: Of this row; None: those that the user asks for.
+        against: Name of the row over which its gain in the last score is told; None: no gain.
+        paper_gain: The same gain in the paper, in points; None: not known.
+        published_gain: The same in the method's own publication.
         paper: Its row in the paper's table; '': the paper has none.
     """
 
@@ -43,6 +48,9 @@ class Row:
     train: tuple[str, ...] | None = DEMO
     test: Mapping[str, Any] | None = None
     seeds: tuple[int, ...] | None = None
+    against: str | None = None
+    paper_gain: float | None = None
+    published_gain: float | None = None
     paper: str = ''
 
 
@@ -56,9 +64,10 @@ class Table:
         scores: Heading -> key of the run's final scores.
         reference: Name of the row to which the last score's ratio is told; None: no ratio.
         labels: Tell how many points have a label in the last round, and how many of the pseudo labels are right.
+        cost: Tell how many seconds of the processor a run took, validation left out.
 
     Raises:
-        ValueError: Two rows have one name, or the reference is no row.
+        ValueError: Two rows have one name, or the reference or what a gain is told over is no row.
     """
 
     title: str
@@ -66,9 +75,12 @@ class Table:
     scores: Mapping[str, str]
     reference: str | None = None
     labels: bool = False
+    cost: bool = False
 
     def __post_init__(self) -> None:
         _check_names(self.title, self.rows, self.reference, 'reference')
+        for row in self.rows:
+            _check_names(self.title, self.rows, row.against, 'against')
 
 
 @dataclass(frozen=True)
@@ -126,6 +138,7 @@ class Request:
         jobs: Runs at the same time, one thread each; with 1 a run takes every core.
         options: ``KEY=VALUE``, config keys of every run; they win over those of a row.
         data: Of measured tables: kinds of scenes; those that are not there are left out.
+        descriptors: Of tables of descriptors: type names; none: all that are compared.
         scenes: Of each kind, at most.
         points: Of each scene, the so many nearest to its middle; None: all.
         seed: Of all that a measured table draws.
@@ -138,6 +151,7 @@ class Request:
     jobs: int = 1
     options: Sequence[str] = ()
     data: Sequence[str] = ()
+    descriptors: Sequence[str] = ()
     scenes: int = 2
     points: int | None = None
     seed: int = 0

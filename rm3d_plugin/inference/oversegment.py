@@ -61,7 +61,9 @@ def build_part(registry: Registry, name: str | None, preset: str | None, options
     try:
         return kinds[name](**arguments | dict(options))
     except (TypeError, ValueError) as error:
-        raise ConfigError(f'{name}: {error}') from error
+        told = str(error).removeprefix(f'{name}: ')
+        strange = isinstance(error, TypeError) and f'{name}.__init__' not in told
+        raise ConfigError(f'{name}: a value of the wrong kind ({told})' if strange else f'{name}: {told}') from error
 
 
 def _shipped_part(registry: Registry, preset: str | None) -> dict[str, Any]:

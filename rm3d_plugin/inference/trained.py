@@ -68,7 +68,7 @@ def load_network(checkpoint: str | Path, device: str = 'cpu') -> TrainedNetwork:
 def _config_of(state: dict[str, Any], checkpoint: str | Path) -> Config:
     try:
         config = Config(json.loads(state['meta']['config_json']))
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
         raise ConfigError(f'{checkpoint}: its config is damaged ({error}); copy it again') from error
     with _parts_of(checkpoint):
         whole = isinstance(config.get('model'), dict) and isinstance(config.val_dataloader.dataset.pipeline, list)

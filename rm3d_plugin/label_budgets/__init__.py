@@ -2,6 +2,7 @@
 
 from rm3d_plugin.label_budgets.audit import (
     AnnotatedPoints,
+    check_objects,
     hide,
     hide_points,
     scramble_hidden,
@@ -18,6 +19,7 @@ from rm3d_plugin.label_budgets.point_lists import import_point_list, read_point_
 from rm3d_plugin.label_budgets.points import PointBudget, SceneSize, draw_point_budget, draw_points
 
 __all__ = [
+    'check_objects',
     'BOX_BUDGETS',
     'BoxAmount',
     'BoxBudget',

@@ -1,12 +1,13 @@
 """What training may see of a scene's truth, and the noise that proves it sees nothing else (METHOD 8)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.label_budgets.base import BudgetError
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
 
@@ -97,6 +98,42 @@ def scramble_hidden(truth: AnyTruth, annotated: Sequence[int], rng: np.random.Ge
     boxes = Boxes3D(tensor, labels, truth.boxes.scores)
     scrambled: AnyTruth = replace(truth, boxes=boxes, **noise)  # type: ignore[type-var]
     return scrambled
+
+
+class PastedObject(Protocol):
+    """An object that training copies into other scenes."""
+
+    @property
+    def box(self) -> Float[np.ndarray, '7']:
+        """Its box, in the scene that it is from."""
+
+    @property
+    def label(self) -> int:
+        """Its class."""
+
+    @property
+    def annotated(self) -> bool:
+        """False for a pseudo object, which nobody labelled."""
+
+
+def check_objects(objects: Iterable[PastedObject], shown: Iterable[Boxes3D]) -> None:
+    """Refuse a bank of objects to paste that holds an annotated object which the budget does not show.
+
+    Args:
+        objects: Of the bank; pseudo objects pass.
+        shown: Annotated boxes of each scene.
+
+    Raises:
+        BudgetError: An object is none of them.
+    """
+    known = list(shown)
+    for item in objects:
+        same = (((boxes.tensor == item.box).all(axis=1) & (boxes.labels == item.label)).any() for boxes in known)
+        if item.annotated and not any(same):
+            raise BudgetError(
+                f'annotated object of class {item.label} at {np.round(item.box[:3], 2).tolist()}: expected one of the '
+                f'{sum(map(len, known))} boxes that the budget shows; the bank read labels beside the label store'
+            )
 
 
 class AnnotatedPoints(NamedTuple):

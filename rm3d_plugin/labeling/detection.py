@@ -12,7 +12,7 @@ from mmengine.dist import all_gather_object
 from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
-from rm3d_plugin.labeling.round_summary import summarise_boxes
+from rm3d_plugin.labeling.round_summary import summarise_boxes, with_steps
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import (
@@ -22,16 +22,20 @@ from rm3d_plugin.pseudo_labels import (
     RefreshResult,
     RoundContext,
     SceneInputs,
+    TeacherRules,
     detection_rules,
     refresh_detection,
 )
 from rm3d_plugin.pseudo_labels.common.strategy import Strategy
-from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes
+from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes, size_ranges
 from rm3d_plugin.pseudo_labels.detection.objects import score_limits
+from rm3d_plugin.pseudo_labels.detection.refresh import find_candidates
+from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, box_limits, expected_from_whole, joined_shown
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, LabelStatistics, PointCloud, Regions
 
 RANKED_SCENES = 200  # of each process; their predictions are kept in memory while the best candidates are ranked
+STEP = 'step_'  # before the names of columns in a ledger: candidates of each class that a step cost
 
 
 @TASK_UTILS.register_module()
@@ -42,11 +46,12 @@ class DetectionLabelMaker(LabelMaker):
         store: Folder of the label store.
         source: A :class:`~rm3d_plugin.labeling.sources.LabelSource` or its config.
         strategy: 'default', or 'paper': ``merge`` and boxes as printed; see
-            :func:`~rm3d_plugin.pseudo_labels.detection.rules.detection_rules`, as the next three.
+            :func:`~rm3d_plugin.pseudo_labels.detection.rules.detection_rules`, as the next four.
         merge: Fields of :class:`~rm3d_plugin.regions.MergeRules`.
         objects: Fields of :class:`~rm3d_plugin.pseudo_labels.ObjectRules`.
         self_training: Fields of :class:`~rm3d_plugin.pseudo_labels.SelfTrainingRules`, or None; ``holdout`` is of
             segmentation.
+        teacher: Fields of :class:`~rm3d_plugin.pseudo_labels.TeacherRules`, or None: groups of regions become boxes.
         default_sizes: (C, 3) metres, for classes without an annotated box.
         geometry: Further arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`: ``cache``,
             ``descriptor``, ``oversegmenter``, ``graph_neighbors``, ``max_gap``.
@@ -66,14 +71,16 @@ class DetectionLabelMaker(LabelMaker):
         merge: Mapping[str, Any] | None = None,
         objects: Mapping[str, Any] | None = None,
         self_training: Mapping[str, Any] | None = None,
+        teacher: Mapping[str, Any] | None = None,
         default_sizes: Sequence[Sequence[float]] | None = None,
         **geometry: Any,
     ) -> None:
         super().__init__(store, source)
-        self.rules = detection_rules(strategy, merge, objects, self_training)
+        self.rules = detection_rules(strategy, merge, objects, self_training, teacher)
         self.scenes = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._default_sizes = None if default_sizes is None else np.asarray(default_sizes, dtype=np.float64)
         self._limits: Float[np.ndarray, ' classes'] | None = None
+        self._box_limits: BoxLimits | None = None
         self.forget()
 
     def _cloud(self, scene_id: str) -> PointCloud:
@@ -87,6 +94,7 @@ class DetectionLabelMaker(LabelMaker):
         """Annotated labels, sizes and counts are read anew."""
         self._annotated: dict[str, AnnotatedLabels] = {}
         self._mean_sizes: Float[np.ndarray, 'classes 3'] | None = None
+        self._size_ranges: Float[np.ndarray, 'classes 2 3'] | None = None
         self._class_counts: Int[np.ndarray, ' classes'] | None = None
 
     # ------------------------------------------------------------------ annotated labels
@@ -109,6 +117,14 @@ class DetectionLabelMaker(LabelMaker):
         return self._mean_sizes
 
     @property
+    def size_ranges(self) -> Float[np.ndarray, 'classes 2 3']:
+        """Least and greatest sizes of the annotated boxes by class, metres."""
+        if self._size_ranges is None:
+            boxes = _joined([self.annotated(scene).boxes for scene in self.index_of])
+            self._size_ranges = size_ranges(boxes.tensor, boxes.labels, self.mean_sizes)
+        return self._size_ranges
+
+    @property
     def class_counts(self) -> Int[np.ndarray, ' classes']:
         """Annotated boxes of each class."""
         if self._class_counts is None:
@@ -124,36 +140,59 @@ class DetectionLabelMaker(LabelMaker):
 
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions, find objects, complete the boxes."""
-        result = self._result(number, scene_id, prediction, self._limits if number else None)
-        return SceneLabels(result.labels, result.merge.ledger.to_arrays())
+        result = self._result(number, scene_id, prediction)
+        steps = {f'{STEP}{name}': lost for name, lost in result.steps.items()}
+        return SceneLabels(result.labels, result.merge.ledger.to_arrays() | steps)
 
     def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
-        """The first scenes of each process tell which score is among the best of its class, where that is asked."""
-        fractions = self.rules.objects.top_fraction
-        self._limits = None
-        if fractions is None:
+        """The first scenes of each process tell which scores are good in each class, where that is asked."""
+        fractions, classes = self.rules.objects.top_fraction, len(self.mean_sizes)
+        self._limits = self._box_limits = None
+        if fractions is None and self.rules.teacher is None:
             return predictions
         rest = iter(predictions)
         first = list(islice(rest, RANKED_SCENES))
-        found = [self._result(number, scene, seen, None).candidates for scene, seen in first]
-        everywhere = [boxes for part in all_gather_object(found) for boxes in part]
-        self._limits = score_limits(_joined(everywhere), len(self.mean_sizes), fractions, number)
+        if self.rules.teacher is not None:
+            self._box_limits = self._limits_of_boxes(number, first, self.rules.teacher)
+        elif fractions is not None:
+            found = [self._result(number, scene, seen).candidates for scene, seen in first]
+            everywhere = [boxes for part in all_gather_object(found) for boxes in part]
+            self._limits = score_limits(_joined(everywhere), classes, fractions, number)
         return chain(first, rest)
 
-    def _result(
-        self,
-        number: int,
-        scene_id: str,
-        prediction: PointPrediction | None,
-        limits: Float[np.ndarray, ' classes'] | None,
-    ) -> RefreshResult:
-        geometry = self.scenes.get(scene_id)
-        previous = self.store.read(scene_id, number - 1) if number else None
+    def _limits_of_boxes(
+        self, number: int, first: Sequence[tuple[str, PointPrediction]], rules: TeacherRules
+    ) -> BoxLimits:
+        """What the scores of predicted boxes mean, from some scenes of every process."""
+        own = [
+            find_candidates(self._inputs(number, scene, seen), self.rules, self._knowledge(scene))
+            for scene, seen in first
+        ]
+        found = [scene for part in all_gather_object(own) for scene in part]
+        boxes, shown = _joined([scene.boxes for scene in found]), joined_shown([scene.shown for scene in found])
+        ratio = len(self.index_of) / max(len(found), 1)
+        return box_limits(boxes, shown, len(self.mean_sizes), rules, ratio, self._expected())
+
+    def _result(self, number: int, scene_id: str, prediction: PointPrediction | None) -> RefreshResult:
+        scene = self._inputs(number, scene_id, prediction)
         return refresh_detection(
-            SceneInputs(geometry, self.annotated(scene_id), prediction, previous),
-            RoundContext(number, self.rules, self.class_counts),
-            ObjectKnowledge(self.mean_sizes, segment_ground(geometry.cloud.xyz).height, limits),
+            scene, RoundContext(number, self.rules, self.class_counts), self._knowledge(scene_id, number)
         )
+
+    def _expected(self) -> Float[np.ndarray, ' classes'] | None:
+        """Objects of each class in the scenes that are not labelled completely, from those that are."""
+        whole = [self.annotated(scene) for scene in self.index_of if self.annotated(scene).complete]
+        counts = [np.bincount(known.boxes.labels, minlength=len(self.mean_sizes)) for known in whole]
+        return expected_from_whole(counts, len(self.index_of) - len(whole))
+
+    def _inputs(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneInputs:
+        previous = self.store.read(scene_id, number - 1) if number else None
+        return SceneInputs(self.scenes.get(scene_id), self.annotated(scene_id), prediction, previous)
+
+    def _knowledge(self, scene_id: str, number: int = 0) -> ObjectKnowledge:
+        height = segment_ground(self.scenes.get(scene_id).cloud.xyz).height
+        limits = (self._limits, self._box_limits) if number else (None, None)
+        return ObjectKnowledge(self.mean_sizes, height, *limits, self.size_ranges)
 
     def check(self, number: int, log: Log) -> None:
         """Nothing is kept aside."""
@@ -165,7 +204,18 @@ class DetectionLabelMaker(LabelMaker):
     def evaluate(self, number: int) -> dict[str, Any]:
         """Coverage and precision of the points, and which pseudo boxes are correct."""
         scenes = [(self.store.read(scene, number), self._truth(index)) for scene, index in self.index_of.items()]
-        return summarise_boxes(scenes, self.source.classes)
+        summary = summarise_boxes(scenes, self.source.classes)
+        expected = None if self._box_limits is None or not number else self._box_limits.expected
+        return with_steps(summary, self._steps(number), expected)
+
+    def _steps(self, number: int) -> dict[str, Int[np.ndarray, ' classes']]:
+        """Over all scenes, how many candidates of each class every step cost."""
+        total: dict[str, np.ndarray] = {}
+        for scene in self.index_of:
+            for name, lost in self.store.read_ledger(scene, number).items():
+                if name.startswith(STEP):
+                    total[name[len(STEP) :]] = total.get(name[len(STEP) :], 0) + lost
+        return total
 
     def _truth(self, index: int) -> SceneTruth | None:
         truth = self.source.truth(index)

@@ -11,7 +11,7 @@ from mmengine.dist import all_gather_object, is_main_process
 from tqdm import tqdm
 
 from rm3d_plugin.labeling.data_record import check_data
-from rm3d_plugin.labeling.round_summary import describe_round
+from rm3d_plugin.labeling.round_summary import box_warnings, describe_round
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.registry import TASK_UTILS
@@ -42,6 +42,7 @@ class LabelMaker(ABC):
     Attributes:
         task: What the labels are for.
         index_of: Number of each scene in the source.
+        reads_features: Whether predictions shall hold the network's features.
     """
 
     task: ClassVar[Task]
@@ -50,6 +51,7 @@ class LabelMaker(ABC):
         self.store = LabelStore(store)
         self.source: LabelSource = TASK_UTILS.build(source) if isinstance(source, Mapping) else source
         self.index_of = {scene: i for i, scene in enumerate(self.source.scene_ids)}
+        self.reads_features = False
 
     # ------------------------------------------------------------------ what a kind of label maker says
 
@@ -184,6 +186,8 @@ class LabelMaker(ABC):
         """
         self.store.finish_round(number, summary)
         log(f'labels of round {number}: {describe_round(dict(summary))}')
+        for line in box_warnings(summary) if number else ():
+            log(f'labels of round {number}: warning: {line}')
 
 
 def uncertainty(probabilities: Float[np.ndarray, 'points classes']) -> Float[np.ndarray, ' points']:

@@ -6,6 +6,7 @@ from typing import Any, Literal, get_args
 
 from rm3d_plugin.labeling.annotated import AnnotatedLabelMaker
 from rm3d_plugin.labeling.label_maker import LabelMaker
+from rm3d_plugin.labeling.predicted import PredictedLabelMaker
 from rm3d_plugin.labeling.segmentation import SegmentationLabelMaker
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.labeling.walker import WalkerLabelMaker
@@ -27,6 +28,7 @@ def point_label_maker(
     walker: Mapping[str, Any] | None = None,
     random_walk: Mapping[str, Any] | None = None,
     instances: bool = False,
+    predicted: Mapping[str, Any] | None = None,
     **settings: Any,
 ) -> LabelMaker:
     """The label maker of a segmentation config.
@@ -41,12 +43,17 @@ def point_label_maker(
         walker: Fields of :class:`~rm3d_plugin.labeling.walker.WalkerLabelRules`, read by 'default' alone as the next.
         random_walk: Fields of :class:`~rm3d_plugin.pseudo_labels.propagation.WalkerRules`.
         instances: Whether the walk carries instances, too; merged regions always do.
+        predicted: Arguments of :class:`PredictedLabelMaker` beside those of the regions: self-training in rounds, where
+            the strategy and the rest are not read. None: no self-training.
         settings: Further arguments of :class:`SegmentationLabelMaker`.
 
     Raises:
         ValueError: A value is not allowed, also one that the strategy does not read.
     """
     segmentation_rules(**{name: settings[name] for name in RULES if name in settings})
+    geometry = {name: settings[name] for name in GEOMETRY if name in settings}
+    if predicted is not None:
+        return PredictedLabelMaker(store, source, **predicted, **geometry)
     if not propagate:
         return AnnotatedLabelMaker(store, source)
     if strategy not in get_args(PointStrategy):
@@ -55,5 +62,4 @@ def point_label_maker(
         rules: Strategy = 'paper' if strategy == 'paper' else 'default'
         return SegmentationLabelMaker(store, source, rules, **settings)
     rounds, seed = int((settings.get('merge') or {}).get('rounds') or 1), settings.get('seed', 0)
-    geometry = {name: settings[name] for name in GEOMETRY if name in settings}
     return WalkerLabelMaker(store, source, rounds, walker, random_walk, instances, seed, **geometry)

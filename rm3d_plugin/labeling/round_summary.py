@@ -1,9 +1,10 @@
 """How good a round's labels are, over all scenes: for the log and the report."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from rm3d_plugin.evaluation.functional.pseudo_label_counts import (
     RANGE_EDGES,
@@ -17,6 +18,7 @@ from rm3d_plugin.structures import PseudoLabels
 from rm3d_plugin.structures.label_estimate import estimate_text, has_estimate
 
 MATCH_IOU = 0.25  # overlap from above from which a pseudo box counts as correct
+MANY = 2.0  # times the expected pseudo boxes of a class are a warning
 BACKGROUND = 'background'
 
 
@@ -120,6 +122,53 @@ def _box_rows(counts: PseudoLabelCounts, names: Sequence[str]) -> dict[str, dict
     }
 
 
+def with_steps(
+    summary: dict[str, Any],
+    steps: Mapping[str, Int[np.ndarray, ' classes']],
+    expected: Float[np.ndarray, ' classes'] | None = None,
+) -> dict[str, Any]:
+    """A summary whose boxes tell what each step cost, and how many objects there seem to be.
+
+    Args:
+        summary: See :func:`summary_of`.
+        steps: Step -> candidates of each class that it cost; 'found' is how many there were at first.
+        expected: Objects of each class without an annotated box that the scenes seem to hold; None: nobody asked.
+    """
+    boxes = {}
+    for c, (name, row) in enumerate(summary['boxes'].items()):
+        boxes[name] = row | {'steps': {step: int(lost[c]) for step, lost in steps.items()}}
+        if expected is not None:
+            boxes[name]['expected'] = round(float(expected[c]), 1)
+    return summary | {'boxes': boxes}
+
+
+def box_warnings(summary: Mapping[str, Any]) -> list[str]:
+    """A line for each class without a pseudo box, or with far more than are expected, with the steps that did it.
+
+    >>> row = {'pseudo': 0, 'steps': {'found': 9, 'size': 7, 'score': 2}}
+    >>> box_warnings({'boxes': {'Cyclist': row}})
+    ['Cyclist: no pseudo box; of 9 candidates size took 7, score 2']
+    """
+    found = []
+    for name, row in summary['boxes'].items():
+        steps, expected = row.get('steps'), row.get('expected')
+        if not steps:
+            continue
+        lost = [f'{step} {"took " * (not i)}{n}' for i, (step, n) in enumerate(_costly(steps))]
+        if row['pseudo'] == 0 and expected != 0:
+            why = f'of {steps["found"]} candidates {", ".join(lost)}' if lost else 'no candidate was found'
+            found.append(f'{name}: no pseudo box; {why}')
+        elif expected is not None and row['pseudo'] > MANY * max(expected, 1):
+            found.append(
+                f'{name}: {row["pseudo"]} pseudo boxes, {expected:.0f} expected; {", ".join(lost)} of {steps["found"]}'
+            )
+    return found
+
+
+def _costly(steps: Mapping[str, int]) -> list[tuple[str, int]]:
+    return sorted(((step, n) for step, n in steps.items() if step != 'found' and n > 0), key=lambda item: -item[1])
+
+
 def _known(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
@@ -138,5 +187,6 @@ def describe_round(summary: dict[str, Any]) -> str:
         parts.append(f'{name} {row["pseudo"]} points{precision}')
     for name, row in summary['boxes'].items():
         found = f', {row["correct"]} correct of {row["true"]} true' if summary['truth_known'] else ''
-        parts.append(f'{name} boxes {row["annotated"]} annotated + {row["pseudo"]} pseudo{found}')
+        guess = f' ({row["expected"]:.0f} expected)' if 'expected' in row else ''
+        parts.append(f'{name} boxes {row["annotated"]} annotated + {row["pseudo"]} pseudo{guess}{found}')
     return '; '.join(parts)

@@ -2,7 +2,7 @@
 
 from rm3d_plugin.models import backbones, consistency, descriptors, detectors, heads, losses, segmentors
 from rm3d_plugin.models.batch import Batch
-from rm3d_plugin.models.consistency import View
+from rm3d_plugin.models.consistency import Teacher, View
 from rm3d_plugin.models.losses import LossTerm
 from rm3d_plugin.models.outputs import DetectorOutput, PointOutput, SegmentorOutput
 from rm3d_plugin.models.point_model import PointModel
@@ -16,6 +16,7 @@ __all__ = [
     'PointOutput',
     'ScenePreprocessor',
     'SegmentorOutput',
+    'Teacher',
     'View',
     'backbones',
     'consistency',

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from rm3d_plugin.models.consistency.teacher import Teacher
 from rm3d_plugin.models.consistency.view import View
 
 
@@ -15,11 +16,13 @@ class Batch(NamedTuple):
         points: (N, D) x, y, z in metres (each scene in its own frame, z up), then what the scans have.
         batch_offsets: (B + 1,) rows of the scenes.
         views: Further views of the same scenes; empty where the pipeline makes none, and at test time.
+        teacher: What a teacher says of the batch; None where there is none, or not yet.
     """
 
     points: Float[Tensor, 'points columns']
     batch_offsets: Int[Tensor, ' scenes_and_one']
     views: tuple[View, ...] = ()
+    teacher: Teacher | None = None
 
     @property
     def xyz(self) -> Float[Tensor, 'points 3']:

@@ -47,8 +47,10 @@ class DetectorOutput(NamedTuple):
         features: (N, F) of the backbone.
         logits: (N, C + 1) P_out, background last.
         votes: Output of the vote head.
+        fits: (P,) log odds of the overlap of each decoded proposal with its object, or None without an IoU head.
     """
 
     features: Float[Tensor, 'points channels']
     logits: Float[Tensor, 'points classes_and_one']
     votes: VoteOutput
+    fits: Float[Tensor, ' proposals'] | None = None

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Literal, final, get_args
 
 import torch
@@ -10,7 +11,7 @@ from mmengine.structures import BaseDataElement
 from torch import Tensor, nn
 
 from rm3d_plugin.models.batch import Batch
-from rm3d_plugin.models.consistency import View, kept_statistics
+from rm3d_plugin.models.consistency import Teacher, View, kept_statistics
 from rm3d_plugin.models.losses.loss_term import LossTerm
 from rm3d_plugin.models.outputs import FeatureOutput
 from rm3d_plugin.models.preprocessor import join_inputs
@@ -42,7 +43,10 @@ class PointModel(BaseModel):
 
     Attributes:
         losses: The :class:`LossTerm` of each entry by its class name (a second of a class gets a number).
+        teacher: Another network of the same parts, whose answers losses find in ``batch.teacher``; None: there is none.
+            It is no part of this one: neither trained with it nor in its ``state_dict``.
         predict_points: Predict what making labels needs of points; the label hook sets it while it asks for that.
+        predict_features: Whether that holds the features of points, too; the hook sets it as the label maker wants.
     """
 
     def __init__(
@@ -54,7 +58,8 @@ class PointModel(BaseModel):
     ) -> None:
         super().__init__(data_preprocessor or {'type': 'rm3d_plugin.ScenePreprocessor'}, init_cfg)
         self.backbone = MODELS.build({**backbone, 'in_channels': in_channels})
-        self.predict_points = False
+        self.predict_points, self.predict_features = False, False
+        self._teacher: tuple[PointModel, ...] = ()  # in a tuple, so that torch does not take it for a part
 
     @abstractmethod
     def encode(self, points: Tensor, batch_offsets: Tensor) -> Tensor:
@@ -111,6 +116,16 @@ class PointModel(BaseModel):
             again = sum(type(other).__name__ == name for other in self.losses.values())
             self.losses[f'{name}_{again + 1}' if again else name] = term
 
+    @property
+    def teacher(self) -> 'PointModel | None':
+        """See the class."""
+        return self._teacher[0] if self._teacher else None
+
+    @final
+    def set_teacher(self, teacher: 'PointModel | None') -> None:
+        """Take a teacher, or none; a hook does."""
+        self._teacher = () if teacher is None else (teacher,)
+
     @final
     def forward(
         self,
@@ -133,7 +148,7 @@ class PointModel(BaseModel):
         """
         if mode not in get_args(Mode):
             raise ValueError(f'mode: expected one of {get_args(Mode)}, got {mode!r}')
-        batch = self._batch(inputs)
+        batch = self.join(inputs)
         if mode == 'loss':
             return self._loss(batch, _one_a_scene(data_samples or (), batch))
         if mode == 'predict':
@@ -147,10 +162,15 @@ class PointModel(BaseModel):
         return self.network(batch)
 
     @final
-    def _batch(self, inputs: dict[str, Any]) -> Batch:
+    def join(self, inputs: dict[str, Any]) -> Batch:
+        """A batch of the scenes, still one tensor a scene or joined already, with its views and the teacher."""
         inputs = inputs if 'batch_offsets' in inputs else join_inputs(inputs)
         views = (View(**view, encode=self._encode_view, classify=self.classify) for view in inputs.get('views', ()))
-        return Batch(inputs['points'], inputs['batch_offsets'], tuple(views))
+        batch = Batch(inputs['points'], inputs['batch_offsets'], tuple(views))
+        wise = self.teacher
+        if wise is None:
+            return batch
+        return batch._replace(teacher=Teacher(partial(wise.network, batch), wise.encode, wise.classify))
 
     @final
     def _encode_view(self, points: Tensor, batch_offsets: Tensor) -> Tensor:

@@ -5,7 +5,7 @@ from rm3d_plugin.pseudo_labels.common.inputs import PointPrediction, RoundContex
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult
 from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
 from rm3d_plugin.pseudo_labels.detection.refresh import ObjectKnowledge, refresh_detection
-from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules, detection_rules
+from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules, TeacherRules, detection_rules
 from rm3d_plugin.pseudo_labels.ground.rules import GroundRules
 from rm3d_plugin.pseudo_labels.region_prior.rules import RegionPriorRules
 from rm3d_plugin.pseudo_labels.segmentation.propagation import PropagationRules
@@ -27,6 +27,7 @@ __all__ = [
     'SceneKnowledge',
     'SegmentationRules',
     'SelfTrainingRules',
+    'TeacherRules',
     'detection_rules',
     'refresh_detection',
     'refresh_segmentation',

@@ -188,8 +188,8 @@ def _detect(runner: Runner, item: dict[str, Any], min_score: float = 0.3) -> Box
     if 'pred_bboxes_3d' not in sample:
         raise SceneError(f'ReportHook: the prediction of scene {sample.get("scene_id")} has no pred_bboxes_3d')
     fields = (sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d)
-    boxes = Boxes3D(*map(numpy_of, fields))
-    return boxes.select(boxes.scores >= min_score)
+    boxes, labels, scores = map(numpy_of, fields)
+    return Boxes3D(boxes, labels, scores).select(scores >= min_score)
 
 
 def _view(

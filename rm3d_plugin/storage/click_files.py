@@ -8,6 +8,7 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rm3d_plugin.storage.click_log_lines import LOG_HEAD, log_line, log_rows
 from rm3d_plugin.storage.clicks import COLUMNS, Click, ClickFileError, Line, click_from_row, row_of_click
@@ -19,7 +20,8 @@ def read_clicks(path: str | Path, classes: Sequence[str]) -> list[Click]:
 
     Args:
         path: ``.json`` (a list of objects), ``.jsonl`` (a log; clicks taken back are left out), anything else is CSV
-            with named columns in any order. Where both index and place are given, the place must be that of the point.
+            with named columns in any order; with semicolons or tabs it may have decimal commas. Where both index and
+            place are given, the place must be that of the point.
         classes: The class of a click is one of these names, or its number.
 
     Raises:
@@ -81,7 +83,8 @@ def _csv_rows(path: Path) -> list[Line]:
         text = path.read_text(encoding='utf-8-sig')
     except UnicodeDecodeError as error:
         raise ClickFileError(f'{path}: expected UTF-8 text ({error})') from error
-    reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    separator = max(',;\t', key=text.partition('\n')[0].count)
+    reader = csv.DictReader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     names = [name.strip().lower() for name in reader.fieldnames or ()]
     if 'scene' not in names or 'class' not in names or not ('index' in names or {'x', 'y', 'z'} <= set(names)):
         raise ClickFileError(
@@ -89,7 +92,14 @@ def _csv_rows(path: Path) -> list[Line]:
             f'scene,x,y,z,class[,instance]; got {",".join(names)!r}'
         )
     reader.fieldnames = names
-    return [
-        (f'{path} line {reader.line_num}', {name: cell.strip() for name, cell in row.items() if isinstance(cell, str)})
-        for row in reader
-    ]
+    return [_csv_line(f'{path} line {reader.line_num}', row, separator) for row in reader]
+
+
+def _csv_line(where: str, row: dict[Any, Any], separator: str) -> Line:
+    """The cells by name, without blanks; places with decimal commas where these separate nothing."""
+    if row.get(None):
+        raise ClickFileError(f'{where}: more cells than the first line has names: {separator.join(row[None])!r}')
+    cells = {name: cell.strip() for name, cell in row.items() if isinstance(cell, str)}
+    if separator != ',':
+        cells |= {name: cells[name].replace(',', '.') for name in 'xyz' if name in cells}
+    return where, cells

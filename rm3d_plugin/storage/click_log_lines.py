@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rm3d_plugin.storage.clicks import Click, ClickFileError, Line, click_from_row, takes_away
+from rm3d_plugin.storage.files import parse_json
 from rm3d_plugin.storage.instance_box import InstanceBox, box_from_row
 
 LOG_HEAD = {'kind': 'clicks', 'format': 1}
@@ -203,7 +204,7 @@ def _log_lines(path: Path) -> tuple[list[Line], int]:
     for number, line in enumerate(content[:size].splitlines(), start=1):
         where = f'{path} line {number}'
         try:
-            row = json.loads(line)
+            row = parse_json(line)
         except ValueError as error:
             raise ClickFileError(f'{where}: not readable as JSON ({error}); mend or delete this line') from error
         if not isinstance(row, dict):
@@ -215,6 +216,6 @@ def _log_lines(path: Path) -> tuple[list[Line], int]:
 def _is_whole(line: bytes) -> bool:
     """True for a JSON object; a part of one never is."""
     try:
-        return isinstance(json.loads(line), dict)
+        return isinstance(parse_json(line), dict)
     except ValueError:
         return False

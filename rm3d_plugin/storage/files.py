@@ -34,7 +34,7 @@ class DamagedFileError(SceneError):
     """A file that exists but cannot be trusted; the message names it."""
 
 
-MALFORMED = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError)
+MALFORMED = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError, RecursionError)
 """What plain values of an unexpected shape raise when they are taken apart."""
 
 
@@ -127,6 +127,18 @@ def write_json(path: str | Path, value: Any) -> Path:
     return write_text(path, json.dumps(plain_json(value), indent=2, allow_nan=False, ensure_ascii=False) + '\n')
 
 
+def parse_json(text: str | bytes) -> Any:
+    """The value of a JSON text.
+
+    Raises:
+        ValueError: It is not JSON, or brackets stand in brackets too often.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError('nested too deeply') from error
+
+
 def read_json(path: str | Path) -> Any:
     """Read JSON.
 
@@ -135,7 +147,7 @@ def read_json(path: str | Path) -> Any:
         DamagedFileError: It is not JSON.
     """
     try:
-        return json.loads(Path(path).read_bytes())
+        return parse_json(Path(path).read_bytes())
     except ValueError as error:
         raise DamagedFileError(f'{path}: not readable as JSON ({error}); delete it and make it again') from error
 

@@ -2,9 +2,11 @@
 
 import pytest
 
-from rm3d_plugin.baselines import BASELINES, FULL_SUPERVISION, LABELLED_ONLY
+from rm3d_plugin.baselines import BASELINES, COMBINATIONS, FULL_SUPERVISION, LABELLED_ONLY, METHODS
 from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.experiments.run_commands import config_path
+
+MEASURED = {'sem': ('scannet', '0p2pct'), 'ins': ('scannet', '0p2pct'), 'votenet': ('kitti', '1pct')}
 
 
 @pytest.mark.parametrize('baseline', BASELINES.values(), ids=list(BASELINES))
@@ -33,6 +35,8 @@ def test_names():
         (FULL_SUPERVISION, 'sem', 'semantickitti', '1pct'),
         (FULL_SUPERVISION, 'ins', 'scannet', '0p2pct'),
         (FULL_SUPERVISION, 'votenet', 'kitti', '1pct'),
+        *((each, task, *MEASURED[task]) for each in METHODS for task in each.options),
+        *((each, 'sem', 'scannet', '0p2pct') for each in COMBINATIONS),
     ],
 )
 def test_the_config_is_that_of_rm3d_with_the_options(tmp_path, baseline, task, data, budget, demo):

@@ -104,6 +104,8 @@ def test_a_missing_package_is_told(scan, tmp_path, monkeypatch):
         (['--out', 'r.ply', '--descriptor', 'PFG'], "got 'PFG'"),
         (['--out', 'r.ply', '--oversegmenter', 'SLIC'], 'RegionGrowing'),
         (['--out', 'r.ply', '--oversegmenter', 'VCCS', '--oversegmenter-options', 'seed=1'], 'VCCS: '),
+        (['--out', 'r.ply', '--descriptor-options', 'radius=abc'], 'AdaptedPFH: a value of the wrong kind'),
+        (['--out', 'r.ply', '--descriptor-options', 'radius=-1'], 'error: AdaptedPFH: expected radius > 0'),
         (['--out', 'r.ply', '--oversegmenter', 'VCCS', '--oversegmenter-options', 'seed_size=0.01'], 'seed_size >'),
     ],
 )

@@ -6,7 +6,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / 'configs'
 LEAVES = sorted([*CONFIGS.glob('*.py'), *CONFIGS.glob('baselines/*.py')])
 DESCRIPTORS = sorted(CONFIGS.glob('descriptors/*.py'))
-SEGMENTATION = [path for path in LEAVES if path.stem.startswith(('rm3d_sem', 'rm3d_ins', 'sup_sem', 'sup_ins'))]
+SEGMENTATION = [path for path in LEAVES if '_sem_' in path.stem or '_ins_' in path.stem]
 DETECTION = [path for path in LEAVES if path not in SEGMENTATION]
 
 

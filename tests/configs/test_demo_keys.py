@@ -7,7 +7,7 @@ from configs.leaves import LEAVES, has_demo
 from mmengine.config import Config
 
 from rm3d_plugin.engine.config import load_config
-from rm3d_plugin.engine.config_files import shipped_bases
+from rm3d_plugin.engine.config_files import pages_merge, shipped_bases
 from rm3d_plugin.engine.hooks import RegionMergeHook
 
 DATA = {'data_root', 'demo_data', 'train_sequences', 'val_sequences', 'every'}
@@ -63,7 +63,7 @@ def leaf_keys(values, prefix=''):
 
 @EACH
 def test_a_demo_touches_nothing_else(path):
-    with shipped_bases():
+    with shipped_bases(), pages_merge():
         demo = Config.fromfile(path).demo
     assert set(leaf_keys(demo)) <= MAY_CHANGE
 
@@ -79,11 +79,18 @@ def pipelines(config):
 def test_the_method_of_a_demo_is_that_of_the_full_run(path):
     full, demo = load_config(path, 'run'), load_config(path, 'run', demo=True)
     for key in METHOD:
-        assert full.get(key) == demo.get(key), key
+        assert without_lengths(full.get(key)) == without_lengths(demo.get(key)), key
     assert pipelines(full) == pipelines(demo)
     assert [step.type for step in full.param_scheduler] == [step.type for step in demo.param_scheduler]
     assert {**full['merge'], 'rounds': 0} == {**demo['merge'], 'rounds': 0}
     assert set(_changes(full.oversegmenter, demo.oversegmenter)) <= {'max_edge', 'range_growth'}
+
+
+def without_lengths(value):
+    """Without how proposals of instances are clustered, which follows the distance between points."""
+    if isinstance(value, Mapping):
+        return {key: without_lengths(part) for key, part in value.items() if key != 'proposals'}
+    return [without_lengths(part) for part in value] if isinstance(value, list) else value
 
 
 def _changes(one, other):
@@ -103,5 +110,5 @@ def test_the_weights_of_merging_run_their_whole_way(path, demo):
     )
     made = sorted({hook._round_of(epoch) for epoch in range(config.epochs)})
     assert made == list(range(config.label_refreshes)) and config['merge'].rounds == len(made)
-    if not path.stem.startswith(('sup_', 'check_')):
+    if path.stem.startswith('rm3d_') or config.label_refreshes > 1:
         assert (made[-1] / config['merge'].rounds) >= 2 / 3, 'y4 of the last labels'

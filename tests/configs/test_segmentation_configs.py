@@ -1,6 +1,7 @@
 """Every config leaf of segmentation builds, with and without --demo; no data are needed for that."""
 
 import inspect
+import re
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +13,13 @@ from reference.toy_scenes import ToyRooms
 from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.datasets.synthetic import DEMO_SCENES
 from rm3d_plugin.engine.config import ConfigError, load_config
-from rm3d_plugin.labeling import AnnotatedLabelMaker, LabelMaker, PointBudgetSource, SegmentationLabelMaker
+from rm3d_plugin.labeling import (
+    AnnotatedLabelMaker,
+    LabelMaker,
+    PointBudgetSource,
+    PredictedLabelMaker,
+    SegmentationLabelMaker,
+)
 from rm3d_plugin.labeling.walker import WalkerLabelMaker
 from rm3d_plugin.models.segmentors import RM3DSegmentor
 from rm3d_plugin.registry import DATASETS, HOOKS, METRICS, MODELS, SCOPE, TASK_UTILS
@@ -92,14 +99,17 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
         with pytest.raises(DatasetNotFoundError):
             len(dataset)
     assert (config.train_dataloader.dataset.labels, config.label_dataloader.dataset.labels) == ('store', 'none')
-    data_set, budget = path.stem.split('_')[2], path.stem.split('_')[-1]
+    data_set, budget = re.split('_(?:sem|ins)_', path.stem)[1].split('_')[0], path.stem.split('_')[-1]
     kinds = ['SemSegMetric', *([INSTANCE_METRIC[data_set]] if instances else [])]
     assert [type(METRICS.build(metric)).__name__ for metric in config.val_evaluator] == kinds
     assert config.test_evaluator == config.val_evaluator
     assert [step.max_points for step in config.train_pipeline if 'Crop' in step.type] == [config.crop_points]
     assert config.budget == ({'clicks': 'clicks.csv'} if budget == 'clicks' else budget)
     ours = SegmentationLabelMaker if config.get('walker') is None else WalkerLabelMaker
-    made = ours if path.stem.startswith('rm3d') else AnnotatedLabelMaker
+    if config.label_maker.get('predicted'):
+        made = PredictedLabelMaker
+    else:
+        made = ours if config.propagate else AnnotatedLabelMaker
     assert type(build_label_maker(config)) is made
     periods = config.param_scheduler[0].get('periods')
     assert periods is None or sum(periods) == config.epochs
@@ -111,11 +121,11 @@ def test_everything_a_leaf_names_can_be_built(path, demo, tmp_path):
 @EACH
 def test_references_keep_their_first_labels_and_learn_no_offset_from_few_points(path, tmp_path):
     config = load(path, tmp_path)
-    if path.stem.startswith('rm3d'):
-        assert config.label_refreshes == config.rounds and config.propagate
+    if config.propagate or config.label_maker.get('predicted'):
+        assert config.label_refreshes == config.rounds and not path.stem.startswith('sup_')
         return
     assert config.label_refreshes == 1 and not config.propagate
-    if '_ins_' in path.stem:
+    if '_ins_' in path.stem and path.stem.startswith('sup_'):
         model, full = model_of(config), path.stem.endswith('full')
         offsets = model.losses['InstanceOffsets']
         taught = offsets.loss.loss_weight > 0

@@ -9,6 +9,8 @@ from rm3d_plugin.datasets.joined import JoinedScenes
 from rm3d_plugin.datasets.transforms import CropPairs, PackScene, PairSettings, VoxelUnits, crop_pair
 from rm3d_plugin.datasets.transforms.crop_pairs import overlap_of, random_rotation
 from rm3d_plugin.datasets.transforms.voxel_units import site_ids
+from rm3d_plugin.ops.site_histograms import WIDTH
+from rm3d_plugin.ops.viewpoint import virtual_viewpoint
 
 
 def scan(count=3000):
@@ -42,6 +44,16 @@ def test_crops_are_moved_rigidly(seed, turn):
     np.testing.assert_allclose(gaps, before, atol=1e-5)
     if turn != 'so3':
         np.testing.assert_allclose(np.diff(first[:, 2]), np.diff(raw[:, 2]), atol=1e-5)
+
+
+def test_the_viewpoint_of_the_scan_moves_with_each_crop():
+    pair = crop_pair(POINTS, PairSettings(points=500, jitter=0.0), np.random.default_rng(2))
+    eye = virtual_viewpoint(POINTS[:, :3])
+    raw = np.linalg.norm(POINTS[pair.rows, :3] - eye, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(pair.points[:, :3] - pair.viewpoint, axis=1), raw, atol=1e-5)
+    copies = pair.view.point_ids >= 0
+    gaps = np.linalg.norm(pair.view.points[copies, :3] - pair.view.viewpoint, axis=1)
+    np.testing.assert_allclose(gaps, raw[pair.view.point_ids[copies]], atol=1e-5)
 
 
 @given(st.integers(0, 10_000))
@@ -110,6 +122,8 @@ def test_sites_of_a_pair_show_the_same_places():
     middle = np.median(shift, axis=0)
     apart = np.abs(shift - middle).max(axis=1)
     assert np.median(apart) <= 1.0 and apart.max() <= 4.0, 'units differ a little, and voxels begin elsewhere'
+    told = VoxelUnits(histograms=True)(CropPairs(points=1500)(item()))
+    assert told['points'].shape[1] == 3 + WIDTH and told['views'][0].points.shape[1] == 3 + WIDTH
     packed = PackScene()(out)
     assert packed['inputs']['views'][0]['point_ids'].min() == -1
 

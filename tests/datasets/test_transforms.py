@@ -24,9 +24,11 @@ from rm3d_plugin.datasets.transforms import (
 )
 from rm3d_plugin.datasets.transforms.augmented_view import elastic_shift
 from rm3d_plugin.datasets.transforms.geometric import wrap_yaw
-from rm3d_plugin.datasets.transforms.paste import Places, annotated_objects, is_free, moved, paste, put_on_ground
+from rm3d_plugin.datasets.transforms.paste import Places, is_free, labelled_objects, moved, paste, put_on_ground
+from rm3d_plugin.label_budgets import BudgetError, check_objects
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.registry import TRANSFORMS
+from rm3d_plugin.structures import Boxes3D
 
 BOX = np.array([5.0, 2, 0, 4, 2, 1.5, 0.3])
 
@@ -306,18 +308,18 @@ def street(boxes, annotated=None, seed=0, height=0.0):
 
 def test_only_annotated_boxes_are_objects_and_ground_is_no_part_of_them():
     results = street([CAR, CAR + [15, 5, 0, 0, 0, 0, 0]], annotated=[True, False])
-    found = annotated_objects(results)
+    found = labelled_objects(results)
     assert len(found) == 1
     np.testing.assert_array_equal(found[0].box, CAR)
     np.testing.assert_array_equal(found[0].points, results['points'][6000:6040])
-    assert annotated_objects(results, min_points=41) == []
+    assert labelled_objects(results, min_points=41) == []
 
 
 def test_pasting_by_hand():
     target, box = street([]), np.array([40.0, 0, -1.0, 4, 2, 1.5, 0])  # 5 cm into the ground
     in_box = points_in_boxes(target['points'][:, :3], box[None]) >= 0
     assert in_box.any()
-    source = annotated_objects(street([CAR]))[0]._replace(box=box)
+    source = labelled_objects(street([CAR]))[0]._replace(box=box)
     assert is_free(target, box)
     out = paste(target, source)
     assert len(out['points']) == 6000 - in_box.sum() + 40
@@ -344,7 +346,7 @@ def test_a_place_with_points_or_a_box_is_taken():
 
 
 def test_a_moved_object_keeps_its_shape_and_turns_about_the_sensor():
-    source = annotated_objects(street([CAR]))[0]
+    source = labelled_objects(street([CAR]))[0]
     for seed in range(30):
         new = moved(source, Places(), np.random.default_rng(seed))
         distance = np.hypot(*new.box[:2])
@@ -363,7 +365,7 @@ def test_a_moved_object_keeps_its_shape_and_turns_about_the_sensor():
 
 
 def test_objects_are_put_on_the_ground_of_the_scene():
-    source = annotated_objects(street([CAR]))[0]
+    source = labelled_objects(street([CAR]))[0]
     scene = street([], height=2.5)
     placed = put_on_ground(source, scene['points'][:, :3], np.zeros(6000))
     np.testing.assert_allclose(placed.box - source.box, [0, 0, 2.5, 0, 0, 0, 0], atol=1e-6)
@@ -408,6 +410,26 @@ def test_objects_come_from_scenes_with_annotated_boxes_read_once():
     dataset.labels = 'truth'
     with pytest.raises(ValueError, match="needs a data set with labels='store'"):
         LabelledObjectPaste()(street([]) | {'dataset': dataset})
+
+
+def test_accepted_objects_are_pasted_as_what_they_are_and_read_anew_each_round():
+    reads, pseudo = [], CAR + [15, 5, 0, 0, 0, 0, 0]
+    dataset, rounds = paste_world(reads), [1]
+    worlds = {0: street([]), 1: street([CAR, pseudo], annotated=[True, False]), 2: street([]), 3: street([])}
+    dataset.raw = lambda index: reads.append(index) or worlds[index]
+    dataset.label_store.current_round = lambda: rounds[0]
+    transform = LabelledObjectPaste(accepted=True)
+    (found,) = transform.bank(dataset)
+    assert [item.annotated for item in found] == [True, False] and reads == [0, 1, 2, 3]
+    check_objects(found, [Boxes3D(CAR[None], np.array([1]))])
+    with pytest.raises(BudgetError, match='expected one of the 1 boxes that the budget shows'):
+        check_objects(found, [Boxes3D(pseudo[None], np.array([0]))])  # there, but of another class
+    far = put_on_ground(found[1]._replace(box=CAR + [9, 9, 0, 0, 0, 0, 0]), np.zeros((1, 3)), np.zeros(1))
+    assert paste(street([]), far)['box_is_annotated'].tolist() == [False]
+    worlds[1] = street([CAR])
+    assert len(transform.bank(dataset)[0]) == 2
+    rounds[0] = 2
+    assert len(transform.bank(dataset)[0]) == 1
 
 
 def test_pasted_points_outlive_the_removal_of_ground():

@@ -30,6 +30,7 @@ class CountingLabelMaker:
         self.source = SimpleNamespace(extends=lambda number: number in self.extending, grown=False)
         self.store = SimpleNamespace(forget_rounds=lambda first: self.events.append(('forget', first)))
         self.extending: tuple[int, ...] = ()
+        self.reads_features = True
 
     def open(self, keep, log):
         self.events.append(('open', keep))
@@ -74,14 +75,15 @@ class CountingLabelMaker:
 class Model(torch.nn.Module):
     """Sees points 0 and 2 of three."""
 
-    predict_points = False
+    predict_points, predict_features = False, False
     statistics = None
 
     def set_label_statistics(self, statistics):
         self.statistics = statistics.class_counts.tolist()
 
     def test_step(self, batch):
-        assert self.predict_points and not self.training and not torch.is_grad_enabled()
+        assert self.predict_points and self.predict_features
+        assert not self.training and not torch.is_grad_enabled()
         sample = SceneSample(metainfo={'scene_id': batch, 'num_points': 3})
         sample.point_index = torch.tensor([2, 0])
         sample.pred_point_probs = torch.tensor([[0.25, 0.75], [1.0, 0.0]])

@@ -2,31 +2,32 @@
 
 import csv
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 from reference.rooms import make_room
 
-from rm3d_plugin.descriptors import SuperpointGraph
-from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.descriptors import FPFH, SuperpointGraph
+from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.evaluation.functional.boundary import boundary_scores
-from rm3d_plugin.experiments import MeasuredTable, Request, make_table, scenes
+from rm3d_plugin.experiments import Request, make_table, scenes
 from rm3d_plugin.experiments.poses import POSES
 from rm3d_plugin.experiments.render import to_markdown
+from rm3d_plugin.experiments.run_commands import option_texts, parse_options
 from rm3d_plugin.experiments.scenes import (
     Collection,
     TableScene,
     described_surface,
     load_collections,
-    random_turn,
-    turn_about,
     turned,
 )
-from rm3d_plugin.experiments.tables import TABLES, descriptors_overseg, robustness_card
+from rm3d_plugin.experiments.tables import descriptors_overseg
+from rm3d_plugin.experiments.tables.descriptors_instance import CONFIG, instance_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import (
     Method,
     OversegScores,
-    all_methods,
+    asked_methods,
     fill_overseg,
     measure_method,
 )
@@ -39,6 +40,7 @@ from rm3d_plugin.experiments.tables.robustness_card import (
     fill_card,
     measure_card,
 )
+from rm3d_plugin.ops.turns import random_turn, turn_about
 from rm3d_plugin.oversegmentation import RegionGrowing
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import Descriptors, PointCloud
@@ -100,11 +102,16 @@ def test_scores_are_those_of_the_tuned_parts(rooms):
 
 
 def test_rows_follow_from_the_registered_descriptors(monkeypatch):
-    titles = [method.title for method in all_methods()]
+    everything = Request(Path('out'))
+    titles = [method.title for method in asked_methods(everything)]
     assert titles[:4] == ['VisualSimilarity', 'HKS', 'SIHKS', 'FPFH'] and 'AdaptedPFH' in titles
     monkeypatch.delitem(DESCRIPTORS.module_dict, 'FPFH')
-    fewer = [method.title for method in all_methods()]
+    fewer = [method.title for method in asked_methods(everything)]
     assert set(titles) - set(fewer) == {'FPFH', 'FPFH, VCCS divides', 'normals, VCCS divides'}
+    some = dataclasses.replace(everything, descriptors=['VCCS', 'SHOT'])
+    assert [method.title for method in asked_methods(some)] == ['SHOT', 'VCCS']
+    with pytest.raises(ConfigError, match='descriptors: expected some of VisualSimilarity, .*; got Moon'):
+        asked_methods(dataclasses.replace(everything, descriptors=['Moon']))
 
 
 def test_table_as_printed():
@@ -128,12 +135,9 @@ def test_table_as_printed():
 
 def test_files_of_both_tables(rooms, tmp_path, monkeypatch):
     monkeypatch.setitem(scenes.COLLECTIONS, 'toy', lambda root, amount: rooms)
-    request = Request(tmp_path, data=['toy'], log=lambda line: None)
-    for name, measure in (
-        ('descriptors-overseg', lambda request: descriptors_overseg.descriptor_table(request, [SPG])),
-        ('robustness-card', lambda request: robustness_card.robustness_table(request, ['SuperpointGraph'])),
-    ):
-        monkeypatch.setitem(TABLES, name, MeasuredTable(name, measure))
+    monkeypatch.setattr(descriptors_overseg, 'DIVIDED', ())
+    request = Request(tmp_path, data=['toy'], descriptors=['SuperpointGraph'], log=lambda line: None)
+    for name in ('descriptors-overseg', 'robustness-card'):
         text = to_markdown(make_table(name, request))
         assert (tmp_path / f'{name}.md').read_text() == text
         assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
@@ -209,3 +213,16 @@ def test_real_scenes_are_read(real_data, monkeypatch, tmp_path):
     scene = collection.scenes[0]
     assert 3000 == len(scene.cloud) == len(scene.semantic) == len(scene.objects) and scene.cloud.curvature is not None
     assert not {scene.name for scene in collection.tuning} & {scene.name for scene in collection.scenes}
+
+
+def test_table_2_has_each_budget_and_descriptor_twice():
+    table = instance_table(['0p2pct', '1pct'], ['FPFH', 'SuperpointGraph'])
+    assert [row.name for row in table.rows[:4]] == [
+        'FPFH (0.2 %)', 'FPFH (0.2 %, turned)', 'SuperpointGraph (0.2 %)', 'SuperpointGraph (0.2 %, turned)',
+    ]  # fmt: skip
+    assert table.rows[4].name == 'FPFH (1 %)' and table.rows[4].options['budget'] == '1pct'
+    options = parse_options(option_texts(table.rows[1].options))
+    config = load_config(CONFIG, 'unused', demo=True, options=options)
+    assert config.label_maker.descriptor == {'type': 'TurnedScene', 'base': {'type': 'FPFH', 'radius': 0.1}}
+    assert config.label_maker.strategy == 'paper'
+    assert isinstance(DESCRIPTORS.build(config.label_maker.descriptor).base, FPFH)

@@ -8,6 +8,7 @@ import pytest
 
 from rm3d_plugin.experiments.render import to_format, to_markdown
 from rm3d_plugin.experiments.scenes import Collection, TableScene, described_surface
+from rm3d_plugin.experiments.tables import figures
 from rm3d_plugin.experiments.tables.figures import Quality, draw_merging, fill_quality, merge_scene, purity, qualities
 from rm3d_plugin.storage import LabelStore
 from rm3d_plugin.structures import PointCloud
@@ -25,7 +26,8 @@ def corner() -> Collection:
     return Collection('corner', 'corner (synthetic)', 'indoor', 2, (), (scene,))
 
 
-def test_merging_joins_regions_of_one_class(corner):
+def test_merging_joins_regions_of_one_class(corner, monkeypatch):
+    monkeypatch.setattr(figures, 'SHOWN', ('AdaptedPFH',))
     merged = merge_scene(corner, corner.scenes[0], 'AdaptedPFH', 0)
     assert 1 < merged.groups.max() + 1 <= merged.regions.max() + 1
     together = [np.unique(merged.groups[merged.regions == region]) for region in np.unique(merged.regions)]

@@ -120,7 +120,7 @@ def test_rows_that_train_the_same_share_the_run_and_are_tested_apart(asked):
         *((f'a_cfg_seed{seed}', 'a_cfg') for seed in (0, 1)),  # all trainings first
         *((f'a_cfg_seed{seed}/{test}', 'a_cfg') for seed in (0, 1) for test in tests),
     ]
-    assert begun(request)[1][1] == f'a_cfg {request.out}/a_cfg_seed0/epoch_4.pth --demo'
+    assert begun(request)[2][1] == f'a_cfg {request.out}/a_cfg_seed0/epoch_4.pth --demo'
     assert [final_scores(request.out, row, 1)['mIoU'] for row in rows] == [1.0, 8.0, 6.0]
     run_rows(rows, request, FAKE)
     assert len(begun(request)) == 6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rm3d_plugin.evaluation.functional import SceneTruth
-from rm3d_plugin.labeling.round_summary import describe_round, summarise_boxes
+from rm3d_plugin.labeling.round_summary import box_warnings, describe_round, summarise_boxes, with_steps
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 CLASSES = ('Car', 'Pedestrian', 'Cyclist')  # 3 = background
@@ -87,3 +87,20 @@ def test_scenes_without_truth_beside_scenes_with_it():
     summary = summarise_boxes([(FIRST, TRUTHS[0]), (FIRST, None)], CLASSES)
     assert summary['points']['Car']['pseudo'] == 2 and summary['points']['Car']['precision'] == 1.0
     assert summary['boxes']['Car']['pseudo'] == 2 and summary['boxes']['Car']['correct'] == 1
+
+
+def test_a_class_without_boxes_or_with_too_many_is_told_with_the_steps():
+    rows = {
+        name: {'annotated': 1, 'pseudo': n, 'correct': 0, 'true': 5}
+        for name, n in zip(CLASSES, (30, 0, 4), strict=True)
+    }
+    steps = {'found': np.array([40, 9, 4]), 'size': np.array([2, 3, 0]), 'doubt': np.array([8, 6, 0])}
+    told = with_steps({'boxes': rows}, steps, np.array([10.04, 5.0, 2.0]))
+    assert told['boxes']['Car']['expected'] == 10.0 and told['boxes']['Car']['steps']['doubt'] == 8
+    assert box_warnings(told) == [
+        'Car: 30 pseudo boxes of 40 candidates, 10 expected; doubt took 8, size 2',
+        'Pedestrian: no pseudo box; of 9 candidates doubt took 6, size 3',
+    ]
+    assert box_warnings({'boxes': rows}) == []  # nothing was counted
+    none = with_steps({'boxes': {'Car': rows['Pedestrian']}}, {'found': np.array([0])})
+    assert box_warnings(none) == ['Car: no pseudo box; no candidate was found']

@@ -51,7 +51,7 @@ def test_each_view_is_joined_by_itself():
 def test_bad_view():
     data = item(3, [2, 0])
     data['inputs']['views'][0]['point_ids'] = torch.tensor([2, 3])
-    with pytest.raises(SceneError, match=r'views\[0\].point_ids: expected rows of 3 points, got up to 3'):
+    with pytest.raises(SceneError, match=r'views\[0\].point_ids: expected rows of 3 points, or -1, got 2 to 3'):
         ScenePreprocessor()(pseudo_collate([data]))
     data['inputs']['views'][0]['point_ids'] = torch.tensor([2])
     with pytest.raises(SceneError, match='expected 2 ids'):

@@ -5,7 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rm3d_plugin.descriptors.fpfh import fpfh
+from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.scan_scale import scan_spacing
+from rm3d_plugin.ops.site_histograms import REACH, WIDTH, with_histograms
 from rm3d_plugin.ops.sites import CHANNELS, VOXEL, voxel_sites
 
 
@@ -73,3 +76,41 @@ def test_order_and_place_of_a_scan_change_nothing(rng):
 def test_a_stray_point_far_away_does_not_widen_the_grid():
     points = np.concatenate([plane(30, 0.1), [[1e6, 0.0, 0.0]]])
     assert voxel_sites(points, 0.1).places.max() < 100
+
+
+def corner(rng):
+    """Three walls that meet, 12 cm between points."""
+    points = rng.uniform(0, 3, (2500, 3))
+    points[np.arange(2500), rng.integers(0, 3, 2500)] = 0
+    return points
+
+
+def test_histograms_are_means_of_the_points(rng):
+    points = corner(rng)
+    normals = estimate_normals(points, 20, viewpoint=np.full(3, 9.0)).normals
+    sites = voxel_sites(points)
+    told = with_histograms(sites, points, normals)
+    rows = np.sqrt(fpfh(points, normals, REACH * sites.unit).values / 100)
+    for site in (0, 7, len(sites.places) - 1):
+        np.testing.assert_allclose(told.inputs[site, CHANNELS:], rows[sites.rows == site].mean(axis=0), atol=1e-6)
+    assert np.array_equal(told.inputs[:, :CHANNELS], sites.inputs) and told.inputs.shape[1] == WIDTH
+    seen = with_histograms(sites, points, viewpoint=np.full(3, 9.0))
+    np.testing.assert_allclose(seen.inputs, told.inputs, atol=1e-6)
+
+
+def test_histograms_turn_with_the_scan(rng):
+    points, eye = corner(rng), np.full(3, 9.0)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    sites = voxel_sites(points)
+    told = with_histograms(sites, points, viewpoint=eye)
+    turned = with_histograms(sites, points @ turn.T, viewpoint=turn @ eye)
+    assert np.quantile(np.abs(turned.inputs - told.inputs).max(axis=1), 0.99) < 1e-4
+    without = with_histograms(sites, points), with_histograms(sites, points @ turn.T)
+    assert np.quantile(np.abs(without[0].inputs - without[1].inputs).max(axis=1), 0.99) < 1e-4
+
+
+def test_no_points_have_no_histograms():
+    nothing = with_histograms(voxel_sites(np.zeros((0, 3))), np.zeros((0, 3)))
+    assert nothing.inputs.shape == (0, WIDTH)
+    one = with_histograms(voxel_sites(np.zeros((4, 3))), np.zeros((4, 3)))
+    assert one.inputs.shape == (1, WIDTH) and not one.valid.any()

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from rm3d_plugin.storage import Click, ClickFileError, click_classes, read_clicks, write_clicks
+from rm3d_plugin.storage import Click, ClickFileError, DamagedFileError, click_classes, read_clicks, write_clicks
 from rm3d_plugin.storage.click_log_lines import read_click_log
 
 CLASSES = ('floor', 'wall', '7', 'chair, red')
@@ -76,6 +76,8 @@ def test_written_clicks_come_back(tmp_path, name):
         ('scene,index,class\ns,,wall\n', 'line 2: expected an index'),
         ('scene,index,class\ns\n', "line 2: class: expected .* got ''"),
         ('scene,index,class,instance\ns,1,wall,two\n', 'line 2: instance'),
+        ('scene,index,class\ns,1,wall,2\n', "line 2: more cells than the first line has names: '2'"),
+        ('scene;index;class\ns;1;wall;2;3\n', "line 2: more cells than the first line has names: '2;3'"),
     ],
 )
 def test_lines_that_cannot_be_used(tmp_path, text, words):
@@ -93,6 +95,19 @@ def test_files_that_cannot_be_used(tmp_path):
     (tmp_path / 'b.csv').write_bytes(b'\xff\xfe\x00scene')
     with pytest.raises(ClickFileError, match='expected UTF-8'):
         read_clicks(tmp_path / 'b.csv', CLASSES)
+
+
+@pytest.mark.parametrize('separator', [';', '\t'])
+def test_clicks_of_a_spreadsheet(tmp_path, separator):
+    text = '\ufeffscene;x;y;z;class\r\ns;1,5;-2,25;0;wall\r\n'.replace(';', separator)
+    (click,) = read_clicks(write(tmp_path / 'a.csv', text), CLASSES)
+    assert (click.scene, click.xyz, click.semantic) == ('s', (1.5, -2.25, 0.0), 1)
+
+
+@pytest.mark.parametrize('name', ['a.json', 'a.jsonl'])
+def test_json_nested_too_deeply_is_damaged(tmp_path, name):
+    with pytest.raises((ClickFileError, DamagedFileError), match='nested too deeply'):
+        read_clicks(write(tmp_path / name, '[' * 100_000 + '\n'), CLASSES)
 
 
 def test_a_click_says_where_it_is():

@@ -11,13 +11,14 @@ from rm3d_plugin.datasets.transforms.indoor import (
     ElasticDistortion,
     RandomCrop,
     auto_contrast,
-    crop_rows,
     elastic,
 )
+from rm3d_plugin.datasets.transforms.object_sites import ObjectSites, point_objects
 from rm3d_plugin.datasets.transforms.outdoor import ClassCrop, HeightAboveGround, class_center, with_heights
+from rm3d_plugin.datasets.transforms.overlapping_crops import OverlappingCrops, overlapping_rows
 from rm3d_plugin.datasets.transforms.pack import PackScene, pack_scene
 from rm3d_plugin.datasets.transforms.paste import LabelledObjectPaste
-from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, select_points
+from rm3d_plugin.datasets.transforms.points import DropGround, LimitPoints, crop_rows, select_points
 from rm3d_plugin.datasets.transforms.scan_noise import PointNoise, RandomDownsample, noisy_points
 from rm3d_plugin.datasets.transforms.shape_features import ShapeFeatures, shape_columns
 from rm3d_plugin.datasets.transforms.sinusoidal_position import SinusoidalPosition, place_columns
@@ -38,6 +39,8 @@ __all__ = [
     'LabelledObjectPaste',
     'HeightAboveGround',
     'LimitPoints',
+    'OverlappingCrops',
+    'ObjectSites',
     'PackScene',
     'PairSettings',
     'PointNoise',
@@ -57,8 +60,10 @@ __all__ = [
     'elastic',
     'flip_y',
     'noisy_points',
+    'overlapping_rows',
     'pack_scene',
     'place_columns',
+    'point_objects',
     'rotate_scale',
     'select_points',
     'shape_columns',

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from scipy.ndimage import map_coordinates, uniform_filter
 
 from rm3d_plugin.datasets.transforms.geometric import turned
-from rm3d_plugin.datasets.transforms.points import random_subset
+from rm3d_plugin.datasets.transforms.points import crop_rows, random_subset
 from rm3d_plugin.registry import TRANSFORMS
 
 Wave = tuple[float, float]
@@ -28,10 +28,12 @@ class View:
     Attributes:
         points: (m, 3 + channels) float32.
         point_ids: (m,) int64; row ``i`` is a copy of row ``point_ids[i]`` of the first view; -1: of none.
+        viewpoint: (3,) where the scan was seen from, in the coordinates of the view, or None.
     """
 
     points: Float[np.ndarray, 'kept channels']
     point_ids: Int[np.ndarray, ' kept']
+    viewpoint: Float[np.ndarray, '3'] | None = None
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class ViewSettings:
         color_drop: Chance that the view is grey.
         prob: Chance that a scene gets a second view; the others get one without points, and a batch of those alone has
             no consistency loss. Smaller: faster, as the view costs nearly another step.
+        crop: Least and greatest share of the points that stand around a random one, seen from above, before points are
+            thinned out; None: all. The view then lacks the surroundings of its border.
     """
 
     rot: tuple[float, float] = (-np.pi, np.pi)
@@ -63,17 +67,23 @@ class ViewSettings:
     channel_noise: float = 0.0
     color_drop: float = 0.0
     prob: float = 1.0
+    crop: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name, least in (('rot', -np.inf), ('scale', 0.0), ('keep', 0.0)):
-            low, high = getattr(self, name)
+        for name, least in (('rot', -np.inf), ('scale', 0.0), ('keep', 0.0), ('crop', 0.0)):
+            low, high = getattr(self, name) or (1.0, 1.0)
             if not least < low <= high:
                 raise ValueError(f'AugmentedView.{name}: expected least then greatest above {least}, got {low}, {high}')
         shares, deviations = (
             (self.flip_prob, self.color_drop, self.prob),
             (self.jitter, self.channel_jitter, self.channel_noise),
         )
-        if self.keep[1] > 1 or min(shares) < 0 or max(shares) > 1 or min(deviations) < 0:
+        if (
+            max(self.keep[1], (self.crop or self.keep)[1]) > 1
+            or min(shares) < 0
+            or max(shares) > 1
+            or min(deviations) < 0
+        ):
             raise ValueError(f'AugmentedView: a share lies outside [0, 1] or a deviation below 0 in {self}')
         if any(len(wave) != 2 or min(wave) <= 0 for wave in self.waves):
             raise ValueError(f'AugmentedView.elastic: expected two lengths in metres, got {self.elastic}')
@@ -100,8 +110,9 @@ def augmented_view(
     Returns:
         At least one point, where there is one.
     """
-    kept = max(1, round(rng.uniform(*settings.keep) * len(points))) if len(points) else 0
-    index = random_subset(len(points), kept, rng)
+    there = np.arange(len(points)) if settings.crop is None else random_crop(points, settings.crop, rng)
+    kept = max(1, round(rng.uniform(*settings.keep) * len(there))) if len(there) else 0
+    index = there[random_subset(len(there), kept, rng)]
     view = points[index].copy()
     xyz = view[:, :3].astype(np.float64)
     middle = np.zeros(3) if len(xyz) == 0 else 0.5 * (xyz.min(axis=0) + xyz.max(axis=0))
@@ -117,6 +128,17 @@ def augmented_view(
         view[:, 3:] = np.clip(view[:, 3:] * (1 + factor) + shift, 0.0, 1.0)
         _spoil_channels(view, settings, rng)
     return View(view, index)
+
+
+def random_crop(
+    points: Float[np.ndarray, 'points channels'], share: tuple[float, float], rng: np.random.Generator
+) -> Int[np.ndarray, ' kept']:
+    """Rows of a share of the points, those nearest to a random one as seen from above; at least one, ascending."""
+    if len(points) == 0:
+        return np.zeros(0, dtype=np.int64)
+    most = max(1, round(rng.uniform(*share) * len(points)))
+    center = points[rng.integers(len(points)), :3].astype(np.float64)
+    return crop_rows(points[:, :3], center, most, 'column')
 
 
 def _spoil_channels(view: Float[np.ndarray, 'kept channels'], settings: ViewSettings, rng: np.random.Generator) -> None:

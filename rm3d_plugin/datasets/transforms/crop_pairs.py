@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from rm3d_plugin.datasets.transforms.augmented_view import View
 from rm3d_plugin.datasets.transforms.geometric import turned
 from rm3d_plugin.datasets.transforms.points import random_subset, select_points
+from rm3d_plugin.ops.viewpoint import virtual_viewpoint
 from rm3d_plugin.registry import TRANSFORMS
 
 Turn = Literal['so3', 'z', 'none']
@@ -48,11 +49,13 @@ class CropPair(NamedTuple):
     Attributes:
         rows: (n,) int64 the scan's points of the first crop, ascending.
         points: (n, 3 + channels) float32 the first crop, moved.
+        viewpoint: (3,) where the scan was seen from (:func:`virtual_viewpoint`), moved along.
         view: The second crop, moved in its own way; its ids are rows of ``points``, -1 where the first has no copy.
     """
 
     rows: Int[np.ndarray, ' kept']
     points: Float[np.ndarray, 'kept channels']
+    viewpoint: Float[np.ndarray, '3']
     view: View
 
 
@@ -75,8 +78,10 @@ def crop_pair(
     rows, others = (_thinned(crop, settings.keep, rng) for crop in (first, second))
     own_row = np.full(len(points), -1, dtype=np.int64)
     own_row[rows] = np.arange(len(rows))
-    view = View(_moved(points[others], settings, rng), own_row[others])
-    return CropPair(rows, _moved(points[rows], settings, rng), view)
+    seen_from = virtual_viewpoint(points[:, :3])
+    second_crop, second_eye = _moved(points[others], seen_from, settings, rng)
+    view = View(second_crop, own_row[others], second_eye)
+    return CropPair(rows, *_moved(points[rows], seen_from, settings, rng), view)
 
 
 def overlap_of(first: Int[np.ndarray, ' first'], second: Int[np.ndarray, ' second']) -> float:
@@ -116,17 +121,20 @@ def _thinned(rows: np.ndarray, keep: tuple[float, float], rng: np.random.Generat
     return rows[random_subset(len(rows), max(1, round(rng.uniform(*keep) * len(rows))), rng)]
 
 
-def _moved(points: np.ndarray, settings: PairSettings, rng: np.random.Generator) -> Float[np.ndarray, 'n channels']:
-    """A crop about its own middle, turned, with noise."""
+def _moved(
+    points: np.ndarray, seen_from: np.ndarray, settings: PairSettings, rng: np.random.Generator
+) -> tuple[Float[np.ndarray, 'n channels'], Float[np.ndarray, '3']]:
+    """A crop about its own middle, turned, with noise; and the viewpoint, moved along."""
     out = points.copy()
-    xyz = points[:, :3].astype(np.float64)
-    xyz = xyz - xyz.mean(axis=0)
+    xyz = np.concatenate([points[:, :3].astype(np.float64), seen_from[None]])
+    xyz -= xyz[:-1].mean(axis=0)
     if settings.turn == 'so3':
         xyz = xyz @ random_rotation(rng).T
     elif settings.turn == 'z':
         xyz = turned(xyz, rng.uniform(-np.pi, np.pi))
-    out[:, :3] = xyz + np.clip(rng.standard_normal(xyz.shape), -3, 3) * settings.jitter
-    return out
+    noise = np.clip(rng.standard_normal((len(points), 3)), -3, 3) * settings.jitter
+    out[:, :3] = xyz[:-1] + noise
+    return out, xyz[-1]
 
 
 @TRANSFORMS.register_module()
@@ -149,4 +157,8 @@ class CropPairs:
             ValueError: A view was already taken.
         """
         pair = crop_pair(results['points'], self.settings, results['rng'])
-        return select_points(results, pair.rows) | {'points': pair.points, 'views': [pair.view]}
+        return select_points(results, pair.rows) | {
+            'points': pair.points,
+            'viewpoint': pair.viewpoint,
+            'views': [pair.view],
+        }

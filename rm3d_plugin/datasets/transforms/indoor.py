@@ -5,44 +5,19 @@ Points keep their order; points and labels stay in step. Chance comes from ``res
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from rm3d_plugin.datasets.transforms.augmented_view import elastic_shift, rgb_columns
-from rm3d_plugin.datasets.transforms.points import select_points
+from rm3d_plugin.datasets.transforms.points import Shape, crop_rows, select_points
 from rm3d_plugin.registry import TRANSFORMS
 
-Shape = Literal['sphere', 'column', 'box']
 SCALES = ((0.2, 0.12), (0.8, 0.4))  # m: grid cell and greatest shift; a fine and a coarse wave
 
 
 # ---------------------------------------------------------------------- crops
-
-
-def crop_rows(
-    xyz: Float[np.ndarray, 'points 3'], center: Float[np.ndarray, '3'], max_points: int, shape: Shape
-) -> Int[np.ndarray, ' kept']:
-    """The ``max_points`` rows nearest to a centre, ascending; equal distances by row.
-
-    Args:
-        xyz: Metres.
-        center: Metres.
-        max_points: Rows to keep; all where there are fewer.
-        shape: What grows around the centre until it holds enough: a 'sphere', an upright 'column' (distance seen from
-            above, floor to ceiling), or a 'box' (upright, square).
-    """
-    gap = np.abs(xyz.astype(np.float64) - center)
-    if shape == 'box':
-        distance = gap[:, :2].max(axis=1)
-    else:
-        distance = np.square(gap[:, : 3 if shape == 'sphere' else 2]).sum(axis=1)
-    if max_points >= len(distance):
-        return np.arange(len(distance))
-    last = np.partition(distance, max_points - 1)[max_points - 1]  # faster than to sort them all
-    nearer, ties = np.flatnonzero(distance < last), np.flatnonzero(distance == last)
-    return np.sort(np.concatenate([nearer, ties[: max_points - len(nearer)]]))
 
 
 @TRANSFORMS.register_module()

@@ -5,8 +5,7 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.datasets.transforms.indoor import Shape, crop_rows
-from rm3d_plugin.datasets.transforms.points import select_points
+from rm3d_plugin.datasets.transforms.points import Shape, crop_rows, select_points
 from rm3d_plugin.datasets.transforms.recent import RecentArrays
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS

@@ -17,11 +17,12 @@ TRIES = 4  # places tried for an object before it is given up
 
 
 class LabelledObject(NamedTuple):
-    """One truly labelled box (7,), its class, and the points (n, channels) in it, ground left out."""
+    """One box (7,), its class, the points (n, channels) in it, ground left out, and whether it was annotated."""
 
     box: Float[np.ndarray, '7']
     label: int
     points: Float[np.ndarray, 'points channels']
+    annotated: bool = True
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,21 @@ class Places:
     max_range: float = 65.0
 
 
-def annotated_objects(results: dict[str, Any], min_points: int = 5) -> list[LabelledObject]:
-    """The objects of a scene whose boxes the budget annotated, with at least ``min_points`` points above the ground."""
+def labelled_objects(results: dict[str, Any], min_points: int = 5, accepted: bool = False) -> list[LabelledObject]:
+    """The objects of a scene with at least ``min_points`` points above the ground.
+
+    Args:
+        results: An item of a data set, with the labels of the round.
+        min_points: An object needs as many.
+        accepted: Pseudo boxes count, too; else those alone that the budget annotated.
+    """
     boxes, found = results['boxes'], []
     inside = points_in_boxes(results['points'][:, :3], boxes)
     inside[segment_ground(results['points'][:, :3]).is_ground] = -1
-    for row in np.flatnonzero(results['box_is_annotated']):
-        points = results['points'][inside == row]
+    for row, annotated in enumerate(results['box_is_annotated'].tolist()):
+        points = results['points'][inside == row] if annotated or accepted else inside[:0]
         if len(points) >= min_points:
-            found.append(LabelledObject(boxes[row], int(results['box_labels'][row]), points))
+            found.append(LabelledObject(boxes[row], int(results['box_labels'][row]), points, annotated))
     return found
 
 
@@ -68,7 +75,7 @@ def moved(item: LabelledObject, places: Places, rng: np.random.Generator) -> Lab
     box[:3], points[:, :3] = turned(box[None, :3], turn)[0] + away, turned(points[:, :3], turn) + away
     box[6] = (box[6] + turn + np.pi) % (2 * np.pi) - np.pi
     kept = rng.random(len(points)) < (distance / max(target, 1e-6)) ** 2
-    return LabelledObject(box, item.label, points[kept].astype(np.float32))
+    return item._replace(box=box, points=points[kept].astype(np.float32))
 
 
 def put_on_ground(item: LabelledObject, xyz: np.ndarray, height: np.ndarray) -> LabelledObject:
@@ -84,7 +91,7 @@ def put_on_ground(item: LabelledObject, xyz: np.ndarray, height: np.ndarray) -> 
     box, points = item.box.copy(), item.points.copy()
     box[2] += shift
     points[:, 2] += np.float32(shift)
-    return LabelledObject(box, item.label, points)
+    return item._replace(box=box, points=points)
 
 
 def is_free(results: dict[str, Any], box: Float[np.ndarray, '7']) -> bool:
@@ -109,44 +116,51 @@ def paste(results: dict[str, Any], item: LabelledObject) -> dict[str, Any]:
         'point_index': np.full(n, -1),
         'semantic': np.full(n, item.label),
         'instance': np.full(n, row),
-        'is_annotated': np.ones(n, dtype=bool),
+        'is_annotated': np.full(n, item.annotated),
         'confidence': np.ones(n, dtype=np.float32),
         'is_ground': np.zeros(n, dtype=bool),
     }
     out = results | {name: np.concatenate([results[name], new[name]]) for name in POINT_FIELDS if name in results}
     out['boxes'] = np.concatenate([results['boxes'], item.box[None]])
     out['box_labels'] = np.append(results['box_labels'], item.label)
-    out['box_is_annotated'] = np.append(results['box_is_annotated'], True)
+    out['box_is_annotated'] = np.append(results['box_is_annotated'], item.annotated)
     return out
 
 
 @TRANSFORMS.register_module()
 class LabelledObjectPaste:
-    """Paste truly labelled objects where there is room; labels='store' only. Comes first in the pipeline.
+    """Paste labelled objects where there is room; labels='store' only. Comes first in the pipeline.
 
     Classes are drawn alike, however few objects they have. Nothing but the label store is asked what is labelled, so
-    nothing hidden can leak.
+    nothing hidden can leak (``label_budgets.check_objects`` proves it).
 
     Args:
         max_objects: Most objects to paste into a scene.
         max_bank: Most objects to choose from; more cost memory.
         min_points: Objects with fewer points are not worth pasting.
         places: Fields of :class:`Places`.
+        accepted: Pseudo objects of the round are pasted, too; as pseudo objects. False: annotated ones alone.
     """
 
     def __init__(
-        self, max_objects: int = 8, max_bank: int = 2000, min_points: int = 5, places: dict[str, Any] | None = None
+        self,
+        max_objects: int = 8,
+        max_bank: int = 2000,
+        min_points: int = 5,
+        places: dict[str, Any] | None = None,
+        accepted: bool = False,
     ) -> None:
         if min(max_objects, max_bank, min_points) < 1:
             raise ValueError(f'LabelledObjectPaste: numbers start at 1, got {max_objects}, {max_bank}, {min_points}')
         self.max_objects, self.max_bank, self.min_points = max_objects, max_bank, min_points
         self.places = Places(**(places or {}))
-        self._bank: list[list[LabelledObject]] | None = None
+        self.accepted = accepted
+        self._bank: tuple[int, list[list[LabelledObject]]] | None = None
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
         """Draw a class, one of its objects and a place, until there are enough."""
         rng = results['rng']
-        bank = self._objects(results['dataset'])
+        bank = self.bank(results['dataset'])
         if not bank:
             return results
         ground = segment_ground(results['points'][:, :3])
@@ -162,22 +176,27 @@ class LabelledObjectPaste:
                     break
         return results
 
-    def _objects(self, dataset: Any) -> list[list[LabelledObject]]:
-        """Objects by class, read once: what the budget shows does not change from round to round."""
+    def bank(self, dataset: Any) -> list[list[LabelledObject]]:
+        """Objects by class that may be pasted, read once a round.
+
+        Raises:
+            ValueError: The data set does not read the label store.
+        """
         if dataset.labels != 'store':
             raise ValueError(f"LabelledObjectPaste needs a data set with labels='store', got {dataset.labels!r}")
-        if self._bank is None:
+        number = int(dataset.label_store.current_round() or 0) if self.accepted else 0  # annotated boxes stay the same
+        if self._bank is None or self._bank[0] != number:
             found: list[LabelledObject] = []
-            for index in _with_objects(dataset):
-                found += annotated_objects(dataset.raw(int(index)), self.min_points)
+            for index in _with_objects(dataset, self.accepted):
+                found += labelled_objects(dataset.raw(int(index)), self.min_points, self.accepted)
                 if len(found) >= self.max_bank:
                     break
             by_class = [[item for item in found if item.label == c] for c in range(len(dataset.classes))]
-            self._bank = [objects for objects in by_class if objects]
-        return self._bank
+            self._bank = (number, [objects for objects in by_class if objects])
+        return self._bank[1]
 
 
-def _with_objects(dataset: Any) -> Int[np.ndarray, ' scenes']:
+def _with_objects(dataset: Any, accepted: bool) -> Int[np.ndarray, ' scenes']:
     labelled = dataset.label_store.scenes()
-    has = [name in labelled and labelled[name].true_boxes > 0 for name in dataset.scene_ids]
+    has = [name in labelled and (accepted or labelled[name].true_boxes > 0) for name in dataset.scene_ids]
     return np.flatnonzero(np.array(has, dtype=bool))

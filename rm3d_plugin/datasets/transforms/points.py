@@ -1,13 +1,14 @@
 """Dropping points while everything that counts points stays in step."""
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.registry import TRANSFORMS
 
+Shape = Literal['sphere', 'column', 'box']
 # arrays with one row a point
 POINT_FIELDS = ('points', 'point_index', 'semantic', 'instance', 'is_annotated', 'confidence', 'is_ground', 'region')
 
@@ -28,6 +29,30 @@ def random_subset(count: int, kept: int, rng: np.random.Generator) -> Int[np.nda
     if kept >= count:
         return np.arange(count)
     return np.sort(rng.choice(count, size=kept, replace=False))
+
+
+def crop_rows(
+    xyz: Float[np.ndarray, 'points 3'], center: Float[np.ndarray, '3'], max_points: int, shape: Shape
+) -> Int[np.ndarray, ' kept']:
+    """The ``max_points`` rows nearest to a centre, ascending; equal distances by row.
+
+    Args:
+        xyz: Metres.
+        center: Metres.
+        max_points: Rows to keep; all where there are fewer.
+        shape: What grows around the centre until it holds enough: a 'sphere', an upright 'column' (distance seen from
+            above, floor to ceiling), or a 'box' (upright, square).
+    """
+    gap = np.abs(xyz.astype(np.float64) - center)
+    if shape == 'box':
+        distance = gap[:, :2].max(axis=1)
+    else:
+        distance = np.square(gap[:, : 3 if shape == 'sphere' else 2]).sum(axis=1)
+    if max_points >= len(distance):
+        return np.arange(len(distance))
+    last = np.partition(distance, max_points - 1)[max_points - 1]  # faster than to sort them all
+    nearer, ties = np.flatnonzero(distance < last), np.flatnonzero(distance == last)
+    return np.sort(np.concatenate([nearer, ties[: max_points - len(nearer)]]))
 
 
 @TRANSFORMS.register_module()

@@ -3,9 +3,10 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from rm3d_plugin.datasets.transforms.augmented_view import View
+from rm3d_plugin.ops.site_histograms import with_histograms
 from rm3d_plugin.ops.sites import Sites, voxel_sites
 from rm3d_plugin.registry import TRANSFORMS
 
@@ -35,20 +36,25 @@ class VoxelUnits:
 
     Args:
         voxel_size: Metres; None: by the distance between the points of each.
+        histograms: Whether sites tell how normals turn around them, too (:func:`with_histograms`).
     """
 
-    def __init__(self, voxel_size: float | None = None) -> None:
-        self.voxel_size = voxel_size
+    def __init__(self, voxel_size: float | None = None, histograms: bool = False) -> None:
+        self.voxel_size, self.histograms = voxel_size, histograms
 
     def __call__(self, results: dict[str, Any]) -> dict[str, Any]:
         """Find the sites of the scene and of each view."""
-        sites = voxel_sites(results['points'][:, :3], self.voxel_size)
+        sites = self._sites(results['points'], results.get('viewpoint'))
         views = []
         for view in results.get('views', ()):
-            seen = voxel_sites(view.points[:, :3], self.voxel_size)
+            seen = self._sites(view.points, view.viewpoint)
             views.append(View(_columns(seen), site_ids(view.point_ids, seen.rows, sites.rows)))
         first = np.unique(sites.rows, return_index=True)[1]
         return results | {'points': _columns(sites), 'views': views, 'point_index': results['point_index'][first]}
+
+    def _sites(self, points: Float[np.ndarray, 'n channels'], viewpoint: Float[np.ndarray, '3'] | None) -> Sites:
+        sites = voxel_sites(points[:, :3], self.voxel_size)
+        return with_histograms(sites, points[:, :3], None, viewpoint) if self.histograms else sites
 
 
 def _columns(sites: Sites) -> np.ndarray:

@@ -43,6 +43,7 @@ class LearnedDescriptor(Descriptor):
 
     Attributes:
         network_type: Registered name of the networks that it takes.
+        backbone_type: Registered name of their backbones.
         blocks: Whether the network says ``block``, the edge of the cubes of a fixed grid that it sees one by one, since
             nothing bounds its reach within one.
         weights: Of the network, arrays by name.
@@ -53,6 +54,7 @@ class LearnedDescriptor(Descriptor):
     """
 
     network_type: ClassVar[str]
+    backbone_type: ClassVar[str] = 'SparseUNet'
     blocks: ClassVar[bool] = False
 
     def __init__(
@@ -68,9 +70,11 @@ class LearnedDescriptor(Descriptor):
             raise ValueError(f'{type(self).__name__}.max_sites: expected at least 1, got {max_sites}')
         self._path = self.shipped() if checkpoint is None else Path(checkpoint)
         trained = read_weights(self._path)
-        if trained.model['type'].rpartition('.')[2] != self.network_type:
+        kinds = [_type_of(part) for part in (trained.model, trained.model.get('backbone'))]
+        if kinds != [self.network_type, self.backbone_type]:
             raise ConfigError(
-                f'{self._path}: holds a {trained.model["type"]}; {type(self).__name__} expected a {self.network_type}'
+                f'{self._path}: holds a {kinds[0]} of a {kinds[1]}; {type(self).__name__} expected a '
+                f'{self.network_type} of a {self.backbone_type}'
             )
         if checkpoint is None:
             print_log(f'{type(self).__name__}: with the weights of the package, {self._path.name}', logger='current')
@@ -117,3 +121,7 @@ class LearnedDescriptor(Descriptor):
     def _network(self) -> Any:
         network = build_network(TrainedWeights(json.loads(self.model), self.weights), self._path)
         return network.to(torch.device(self._device))
+
+
+def _type_of(part: Any) -> str:
+    return str(part.get('type')).rpartition('.')[2] if isinstance(part, dict) else 'None'

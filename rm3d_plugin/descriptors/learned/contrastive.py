@@ -3,6 +3,7 @@
 from typing import final
 
 from rm3d_plugin.descriptors.learned.base import LearnedDescriptor
+from rm3d_plugin.ops.site_histograms import with_histograms
 from rm3d_plugin.ops.sites import Sites, voxel_sites
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import PointCloud
@@ -20,5 +21,6 @@ class Contrastive(LearnedDescriptor):
     network_type = 'DescriptorNetwork'
 
     def sites(self, cloud: PointCloud) -> Sites:
-        """The voxels of the cloud."""
-        return voxel_sites(cloud.xyz, self.voxel_size)
+        """The voxels of the cloud, with the histograms of their points."""
+        sites = voxel_sites(cloud.xyz, self.voxel_size)
+        return with_histograms(sites, cloud.xyz, cloud.normals, cloud.sensor)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import torch
 from mmengine.dist import barrier, is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import IterBasedTrainLoop, Runner
@@ -11,8 +10,8 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import forget_checkpoints
+from rm3d_plugin.engine.mirrored_view import predict_scenes
 from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
-from rm3d_plugin.engine.scene_prediction import scene_prediction
 from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
@@ -34,6 +33,8 @@ class RegionMergeHook(Hook):
         warm_up_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
             has seen more, which counts where few labels are annotated or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
+        mirror: Predict every scene a second time, mirrored; see
+            :func:`~rm3d_plugin.engine.mirrored_view.agreed_prediction`. Prediction takes twice as long.
 
     Attributes:
         seconds: Wall clock, spent on labels by this process.
@@ -49,6 +50,7 @@ class RegionMergeHook(Hook):
         dataloader: Any,
         rounds: int = 8,
         warm_up_rounds: int = 1,
+        mirror: bool = False,
     ) -> None:
         for name, value in (('interval', interval), ('rounds', rounds), ('warm_up_rounds', warm_up_rounds)):
             if int(value) < 1:
@@ -57,6 +59,7 @@ class RegionMergeHook(Hook):
         self.rounds = rounds
         self.warm_up_rounds = warm_up_rounds
         self.dataloader = dataloader
+        self.mirror = mirror
         self.seconds = 0.0
         self.times: RoundTimes
         self._predicting = Seconds()
@@ -139,6 +142,7 @@ class RegionMergeHook(Hook):
         barrier()
         runner.model.eval()
         _unwrapped(runner.model).predict_points = True
+        _unwrapped(runner.model).predict_features = self.label_maker.reads_features
         if self.label_maker.source.extends(number):
             self.label_maker.extend_budget(number, self._predictions(runner.model, number))
             self._tell_model(runner.model)
@@ -161,10 +165,9 @@ class RegionMergeHook(Hook):
         batches = tqdm(self.dataloader, desc=f'labels, round {number}', disable=not is_main_process())
         for batch in batches:  # the sampler gives each process its share
             watch = Stopwatch()
-            with torch.no_grad():
-                samples = model.test_step(batch)
+            found = predict_scenes(model, batch, self.mirror)
             self._predicting = self._predicting.plus(watch.read())
-            yield from map(scene_prediction, samples)
+            yield from found
 
 
 def _check_project(runner: Runner) -> None:

@@ -1,15 +1,19 @@
 """Every table by its name; a file holds a family of them."""
 
 from rm3d_plugin.experiments.spec import MeasuredTable, PaperTable, Table
+from rm3d_plugin.experiments.tables import methods
 from rm3d_plugin.experiments.tables.ablations import ABLATIONS
 from rm3d_plugin.experiments.tables.budgets import BUDGET_TABLES
 from rm3d_plugin.experiments.tables.clicks_to_quality import clicks_table
+from rm3d_plugin.experiments.tables.descriptors_instance import TABLE_2, instance_table
 from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
+from rm3d_plugin.experiments.tables.detection import MECHANISMS
 from rm3d_plugin.experiments.tables.figures import figures_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
 from rm3d_plugin.experiments.tables.octree import octree_table
 from rm3d_plugin.experiments.tables.propagation import propagation_table
+from rm3d_plugin.experiments.tables.pseudo_boxes import pseudo_box_table
 from rm3d_plugin.experiments.tables.pseudo_label_rounds import pseudo_label_table
 from rm3d_plugin.experiments.tables.robustness_card import robustness_table
 from rm3d_plugin.experiments.tables.rooms import ROOMS, ROOMS_BUDGETS, ROOMS_INSTANCES
@@ -19,12 +23,21 @@ from rm3d_plugin.experiments.tables.transfer import TRANSFER
 
 TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     'kitti-demo': KITTI,
+    'detection-mechanisms': MECHANISMS,
+    'pseudo-boxes': MeasuredTable('Pseudo boxes by rule, from one network (trains it)', pseudo_box_table),
     'rooms-demo': ROOMS,
     'rooms-demo-budgets': ROOMS_BUDGETS,
     'rooms-demo-instances': ROOMS_INSTANCES,
     'streets-demo': STREETS,
     'streets-demo-budgets': STREETS_BUDGETS,
     'oakland': OAKLAND,
+    'methods-indoor': methods.INDOOR,
+    'methods-indoor-onept': methods.INDOOR_ONE_POINT,
+    'methods-outdoor': methods.OUTDOOR,
+    'methods-oakland': methods.OAKLAND,
+    'methods-instances': methods.INSTANCES,
+    'methods-detection': methods.DETECTION,
+    'methods-scenes': methods.SCENES,
     'propagation': MeasuredTable('mIoU on the unlabelled points of single real scans (trains)', propagation_table),
     'pseudo-labels': MeasuredTable(
         'Coverage and precision of pseudo labels by round, synthetic and real, both strategies (trains)',
@@ -36,6 +49,8 @@ TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     'descriptors-overseg': MeasuredTable(
         'Boundary scores of regions by descriptor, as scanned and turned', descriptor_table
     ),
+    'descriptors-instance': TABLE_2,
+    'descriptors-instance-0.2': instance_table(['0p2pct']),
     'descriptors-matching': MeasuredTable(
         'The same place found in two scans, and objects told apart, by descriptor, as scanned and turned',
         matching_table,

@@ -18,7 +18,7 @@ from rm3d_plugin.evaluation.functional.matching import (
     motion_rmse,
     same_object_auc,
 )
-from rm3d_plugin.experiments.compared_descriptors import build_descriptor, compared_descriptors
+from rm3d_plugin.experiments.compared_descriptors import asked_descriptors, build_descriptor
 from rm3d_plugin.experiments.kept import descriptor_asked, kept_rows
 from rm3d_plugin.experiments.poses import HEADING, POSES, TITLES, Pose, pose_cell, posed
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
@@ -109,21 +109,20 @@ class PairScores(NamedTuple):
     described: float
 
 
-def matching_table(request: Request, names: Sequence[str] | None = None) -> FilledTable:
+def matching_table(request: Request) -> FilledTable:
     """Measure every descriptor with its preset; what was measured is kept, descriptor by descriptor.
 
     Args:
         request: Its ``data`` are keys of :data:`rm3d_plugin.experiments.scenes.COLLECTIONS`; its seed draws the pairs,
             key points and turns.
-        names: Descriptors; None: all that are registered.
 
     Raises:
-        ConfigError: None of the data are there.
+        ConfigError: None of the data are there, or a descriptor is not among those that are compared.
     """
     rows: list[MatchingScores] = []
     for collection in load_collections(request):
         trials = cache(partial(make_trials, collection, request.seed))
-        for name in compared_descriptors() if names is None else names:
+        for name in asked_descriptors(request):
             part = build_descriptor(name, collection)
             rows += kept_rows(
                 request.out / 'measured' / f'descriptors-matching_{collection.name}_{name}.json',

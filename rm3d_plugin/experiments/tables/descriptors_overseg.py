@@ -13,7 +13,7 @@ from jaxtyping import Int
 from rm3d_plugin.descriptors import Descriptor
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.functional.boundary import boundary_scores
-from rm3d_plugin.experiments.compared_descriptors import build_descriptor, compared_descriptors
+from rm3d_plugin.experiments.compared_descriptors import asked_descriptors, build_descriptor
 from rm3d_plugin.experiments.kept import descriptor_asked, kept_rows
 from rm3d_plugin.experiments.poses import HEADING, POSES, TITLES, Pose, pose_cell, posed
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
@@ -100,13 +100,13 @@ class Parts:
     tuning: Tuning
 
 
-def all_methods() -> tuple[Method, ...]:
-    """Region growing by each compared descriptor, and the methods that divide in their own way."""
-    names = compared_descriptors()
+def asked_methods(request: Request) -> tuple[Method, ...]:
+    """Region growing by each descriptor, and the methods with one of them that divide in their own way."""
+    names = asked_descriptors(request)
     return (*(Method(name, name) for name in names), *(method for method in DIVIDED if method.descriptor in names))
 
 
-def descriptor_table(request: Request, methods: Sequence[Method] | None = None) -> FilledTable:
+def descriptor_table(request: Request) -> FilledTable:
     """Measure every method on every collection; what was measured is kept, method by method.
 
     Settings are tuned on the annotated labels of another scene, to one region for every 150 points; then the value that
@@ -116,13 +116,12 @@ def descriptor_table(request: Request, methods: Sequence[Method] | None = None) 
     Args:
         request: Its ``data`` are keys of :data:`rm3d_plugin.experiments.scenes.COLLECTIONS`; its seed draws the
             annotated labels and the turns.
-        methods: Rows; None: :func:`all_methods`.
 
     Raises:
-        ConfigError: None of the data are there.
+        ConfigError: None of the data are there, or a descriptor is not among those that are compared.
     """
     rows: list[OversegScores] = []
-    methods = [m for m in (all_methods() if methods is None else methods) if _can_run(m, request.log)]
+    methods = [m for m in asked_methods(request) if _can_run(m, request.log)]
     for collection in load_collections(request):
         for method in methods:
             start = time.process_time()

@@ -10,17 +10,17 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.descriptors import Descriptor, cosine_similarity
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.experiments.compared_descriptors import build_descriptor, compared_descriptors
+from rm3d_plugin.experiments.compared_descriptors import asked_descriptors, build_descriptor
 from rm3d_plugin.experiments.kept import descriptor_asked, kept_rows
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
 from rm3d_plugin.experiments.scenes import (
     Collection,
     described_surface,
     load_collections,
-    turn_about,
     turned,
 )
 from rm3d_plugin.experiments.spec import Request
+from rm3d_plugin.ops.turns import turn_about
 from rm3d_plugin.structures import Descriptors, PointCloud
 from rm3d_plugin.visualization.tables import LinePanel, draw_lines
 
@@ -162,21 +162,20 @@ class Change(NamedTuple):
     after: Changed
 
 
-def robustness_table(request: Request, names: Sequence[str] | None = None) -> FilledTable:
+def robustness_table(request: Request) -> FilledTable:
     """Measure every descriptor with its preset; what was measured is kept, descriptor by descriptor.
 
     Args:
         request: Its ``data`` are keys of :data:`rm3d_plugin.experiments.scenes.COLLECTIONS`; its seed draws what is
             dropped, the noise and the compared points.
-        names: Descriptors; None: all that are compared.
 
     Raises:
-        ConfigError: None of the data are there.
+        ConfigError: None of the data are there, or a descriptor is not among those that are compared.
     """
     rows: list[CardRow] = []
     for collection in load_collections(request):
         changes = cache(partial(change_scenes, collection, request.seed))
-        for name in compared_descriptors() if names is None else names:
+        for name in asked_descriptors(request):
             part = build_descriptor(name, collection)
             rows += kept_rows(
                 request.out / 'measured' / f'robustness-card_{collection.name}_{name}.json',

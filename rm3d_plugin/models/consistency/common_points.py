@@ -8,7 +8,7 @@ from torch import Tensor
 
 
 def common_rows(point_ids: Int[Tensor, ' view'], count: int) -> Int[Tensor, ' rows']:
-    """At most ``count`` different rows of a view, drawn at random but the same for the same view.
+    """At most ``count`` different rows of a view that the first view shows, too.
 
     The generator is seeded by the view itself, so training draws nothing from the global generators and a resumed run
     continues bit for bit. Points of which the first view has no copy are left out.

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple, final
 
-from jaxtyping import Float
+import torch
+from jaxtyping import Float, Int
 from mmengine.structures import BaseDataElement
 from torch import Tensor, nn
 from torch.nn.functional import normalize
@@ -25,18 +26,32 @@ class DescriptorOutput(NamedTuple):
     features: Float[Tensor, 'points channels']
 
 
+class SiteLabels(NamedTuple):
+    """What is known of the sites of a batch.
+
+    Attributes:
+        objects: (N,) number of each site's object, different in each scene; -1 = unknown, everywhere where the
+            pipeline hands on no objects.
+    """
+
+    objects: Int[Tensor, ' points']
+
+
 @MODELS.register_module()
 @final
 class DescriptorNetwork(PointModel):
     """Backbone, a linear layer, unit length.
 
     It learns from pairs of crops (``CropPairs``, then ``VoxelUnits``): the losses compare ``outputs.features`` with the
-    features of the view. There are no labels. Places are in voxels, so the backbone has ``voxel_size=1``.
+    features of the view. Or it learns from objects (``ObjectSites``). Places are in voxels, so the backbone has
+    ``voxel_size=1``.
 
     Args:
         backbone: Config of a backbone that knows how far it sees (``reach``).
         channels: Values of a descriptor.
-        in_channels: Inputs of a site.
+        in_channels: Inputs of a site, 40 with histograms.
+        direct: Whether a linear layer of a site's own inputs is added before the length becomes one: what the inputs
+            tell alone is learnt at once, the backbone learns what they lack.
         losses: Configs of loss terms that read ``features`` and the views.
         data_preprocessor: As for :class:`PointModel`.
         init_cfg: As in mmengine.
@@ -47,13 +62,15 @@ class DescriptorNetwork(PointModel):
         backbone: dict[str, Any],
         channels: int = 32,
         in_channels: int = CHANNELS,
+        direct: bool = False,
         losses: LossConfigs = (),
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
     ) -> None:
         super().__init__(backbone, in_channels, data_preprocessor, init_cfg)
         self.projection = nn.Linear(self.backbone.out_channels, channels)
-        self.add_losses(losses, set(DescriptorOutput._fields))
+        self.direct = nn.Linear(in_channels, channels, bias=False) if direct else None
+        self.add_losses(losses, {*DescriptorOutput._fields, *SiteLabels._fields})
 
     @property
     def reach(self) -> float:
@@ -66,8 +83,9 @@ class DescriptorNetwork(PointModel):
 
     def encode(self, points: Tensor, batch_offsets: Tensor) -> Float[Tensor, 'points channels']:
         """Unit vectors."""
-        features = self.backbone(points[:, :3].contiguous(), points[:, 3:].contiguous(), batch_offsets)
-        return normalize(self.projection(features), dim=1)
+        inputs = points[:, 3:].contiguous()
+        out = self.projection(self.backbone(points[:, :3].contiguous(), inputs, batch_offsets))
+        return normalize(out if self.direct is None else out + self.direct(inputs), dim=1)
 
     def classify(self, features: Tensor) -> Tensor:
         """Refused: no loss of classes fits a network that knows none.
@@ -81,8 +99,15 @@ class DescriptorNetwork(PointModel):
         """Describe the first crops."""
         return DescriptorOutput(self.encode(batch.points, batch.batch_offsets))
 
-    def labels(self, samples: Sequence[BaseDataElement], batch: Batch, outputs: DescriptorOutput) -> None:
-        """None: pairs teach, not labels."""
+    def labels(self, samples: Sequence[BaseDataElement], batch: Batch, outputs: DescriptorOutput) -> SiteLabels:
+        """The objects of the sites, where the samples have any."""
+        count, parts = 0, []
+        for sample, size in zip(samples, batch.sizes, strict=True):
+            objects = sample.get('pts_instance_mask')
+            own = torch.full((size,), -1) if objects is None else objects.cpu()
+            parts.append(torch.where(own >= 0, own + count, own))
+            count += int(own.max()) + 1 if size else 0
+        return SiteLabels(torch.cat(parts).to(batch.points.device))
 
     def predict(self, batch: Batch, samples: list[BaseDataElement]) -> None:
         """Fill in ``pred_descriptors`` (n, F)."""

@@ -64,7 +64,8 @@ class PredatorNetwork(PointModel):
         attention: Arguments of :class:`OverlapAttention` but ``in_channels``.
         block: Voxels; edge of the cubes, about that of the crops of training.
         margin: Voxels around a cube that are seen, too.
-        in_channels: Inputs of a site.
+        in_channels: Inputs of a site, 40 with histograms.
+        direct: As for :class:`DescriptorNetwork`.
         losses: Configs of loss terms.
         data_preprocessor: As for :class:`PointModel`.
         init_cfg: As in mmengine.
@@ -78,6 +79,7 @@ class PredatorNetwork(PointModel):
         block: int = 64,
         margin: int = 16,
         in_channels: int = CHANNELS,
+        direct: bool = False,
         losses: LossConfigs = (),
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
@@ -86,6 +88,7 @@ class PredatorNetwork(PointModel):
         self.block, self.reach = block, float(margin)
         self.attention = OverlapAttention(self.backbone.coarse_channels, **(attention or {}))
         self.head = nn.Linear(self.backbone.out_channels, channels + 2)
+        self.direct = nn.Linear(in_channels, channels, bias=False) if direct else None
         self.add_losses(losses, set(PredatorOutput._fields))
 
     def describe(self, points: Tensor, batch_offsets: Tensor) -> Float[Tensor, 'points channels']:
@@ -138,4 +141,5 @@ class PredatorNetwork(PointModel):
 
         xyz, inputs = points[:, :3].contiguous(), points[:, 3:].contiguous()
         out = self.head(self.backbone(xyz, inputs, batch_offsets, meet))
-        return CropOutput(normalize(out[:, :-2], dim=1), out[:, -2], out[:, -1])
+        features = out[:, :-2] if self.direct is None else out[:, :-2] + self.direct(inputs)
+        return CropOutput(normalize(features, dim=1), out[:, -2], out[:, -1])

@@ -10,8 +10,8 @@ from torch import Tensor, nn
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.detectors.point_features import CHANNELS, point_features
 from rm3d_plugin.models.heads.batch_labels import BatchLabels, join_labels
-from rm3d_plugin.models.heads.decode import decode_scene
-from rm3d_plugin.models.heads.vote_head import VoteOutput
+from rm3d_plugin.models.heads.box_coder import decode_boxes
+from rm3d_plugin.models.heads.decode import class_scores, select_boxes
 from rm3d_plugin.models.outputs import DetectorOutput
 from rm3d_plugin.models.point_model import LossConfigs, PointModel
 from rm3d_plugin.ops.grouping import gather_groups
@@ -39,14 +39,17 @@ class RM3DVoteNet(PointModel):
 
         points -> backbone -> features -> linear -> P_out (C + 1) -> L_WSL, L_Aug, L_cls
                                   +------> vote head -> boxes -> VoteNet's loss, L_Dice
+                                  +------> IoU head (if any): how well each box fits -> BoxOverlap
 
-    Only backbone, point branch and vote head run at test time.
+    Only backbone, point branch, vote head and IoU head run at test time.
 
     Args:
         backbone: Config of a backbone with ``forward(xyz, features, batch_offsets)`` and ``out_channels``;
             ``in_channels`` is filled in.
         num_classes: Box classes C.
         vote_head: Config of the vote head; ``in_channels`` and ``num_classes`` are filled in.
+        iou_head: Config of a :class:`~rm3d_plugin.models.heads.BoxIoUHead`, whose overlap the scores are multiplied by;
+            ``in_channels`` is filled in. It learns by the loss ``BoxOverlap``. None: scores do not ask how a box fits.
         losses: Configs of :class:`LossTerm`; None among them is left out. By default :func:`detection_losses`.
         heights: Lowest and highest usual z in metres.
         score_threshold: A box with a lower score is not predicted.
@@ -63,6 +66,7 @@ class RM3DVoteNet(PointModel):
         backbone: dict[str, Any],
         num_classes: int,
         vote_head: dict[str, Any] | None = None,
+        iou_head: dict[str, Any] | None = None,
         losses: LossConfigs | None = None,
         heights: tuple[float, float] | list[float] = (-2.0, 2.0),
         score_threshold: float = 0.05,
@@ -82,7 +86,10 @@ class RM3DVoteNet(PointModel):
         self.point_branch = nn.Linear(channels, num_classes + 1)
         head = {'type': 'VoteHead', **(vote_head or {}), 'in_channels': channels, 'num_classes': num_classes}
         self.vote_head = MODELS.build(head)
-        given = {*DetectorOutput._fields, *BatchLabels._fields}
+        self.iou_head = (
+            None if iou_head is None else MODELS.build({'type': 'BoxIoUHead', **iou_head, 'in_channels': channels})
+        )
+        given = {*DetectorOutput._fields, *BatchLabels._fields} - ({'fit_pairs'} if iou_head is None else set())
         self.add_losses(detection_losses(num_classes) if losses is None else losses, given)
 
     def set_label_statistics(self, statistics: LabelStatistics) -> None:
@@ -105,12 +112,21 @@ class RM3DVoteNet(PointModel):
         features = self.encode(batch.points, batch.batch_offsets)
         logits = self.classify(features)
         foreground = 1.0 - logits.detach().softmax(dim=1)[:, -1]
-        return DetectorOutput(features, logits, self.vote_head(batch.xyz, features, foreground, batch.batch_offsets))
+        votes = self.vote_head(batch.xyz, features, foreground, batch.batch_offsets)
+        if self.iou_head is None:
+            return DetectorOutput(features, logits, votes)
+        boxes = decode_boxes(votes.prediction, votes.mean_sizes)
+        return DetectorOutput(features, logits, votes, self.iou_head(boxes, votes.anchor_offsets, votes.seeds))
 
     def labels(self, samples: Sequence[BaseDataElement], batch: Batch, outputs: DetectorOutput) -> BatchLabels:
         """Boxes and point labels, and which box each proposal should say."""
         labels = join_labels(samples, batch.batch_offsets, batch.xyz, self.num_classes)
-        return labels._replace(targets=self.vote_head.targets(outputs.votes, labels))
+        labels = labels._replace(targets=self.vote_head.targets(outputs.votes, labels))
+        if self.iou_head is None:
+            return labels
+        votes = outputs.votes
+        boxes = decode_boxes(votes.prediction, votes.mean_sizes)
+        return labels._replace(fit_pairs=self.iou_head.pairs(boxes, outputs.fits, labels, votes.seeds))
 
     def predict(self, batch: Batch, samples: list[BaseDataElement]) -> None:
         """Boxes; with ``predict_points`` also class probabilities and votes of all points."""
@@ -118,18 +134,21 @@ class RM3DVoteNet(PointModel):
         probs = output.logits.softmax(dim=1)
         bounds, ends = batch.batch_offsets.tolist(), output.votes.anchor_offsets.tolist()
         for i, sample in enumerate(samples):
-            self._fill_boxes(sample, output.votes, probs, slice(ends[i], ends[i + 1]))
+            self._fill_boxes(sample, output, probs, slice(ends[i], ends[i + 1]))
             if self.predict_points:
                 rows = slice(bounds[i], bounds[i + 1])
                 sample.pred_point_probs = probs[rows].cpu()
                 sample.pred_point_centers = (batch.xyz[rows] + output.votes.offsets[rows]).cpu()
 
-    def _fill_boxes(self, sample: BaseDataElement, votes: VoteOutput, probs: Tensor, rows: slice) -> None:
+    def _fill_boxes(self, sample: BaseDataElement, output: DetectorOutput, probs: Tensor, rows: slice) -> None:
+        votes = output.votes
         prediction = type(votes.prediction)(*(column[rows] for column in votes.prediction))
         members, group_probs = votes.members[rows], None
         if self.score_by_points:
             there = (members >= 0).sum(dim=1, keepdim=True).clamp_min(1)
             group_probs = gather_groups(probs[:, :-1], members).sum(dim=1) / there
+        fits = None if output.fits is None else output.fits[rows].sigmoid()
+        scores = class_scores(prediction, group_probs, fits)
         limits = (self.score_threshold, self.nms_iou, self.max_boxes, self.fuse_iou)
-        found = decode_scene(prediction, votes.mean_sizes, group_probs, *limits)
+        found = select_boxes(decode_boxes(prediction, votes.mean_sizes), scores, *limits)
         sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d = found

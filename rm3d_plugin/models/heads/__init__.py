@@ -1,6 +1,7 @@
 """Heads: what is read from the features of points."""
 
-from rm3d_plugin.models.heads.batch_labels import BatchLabels, ProposalTargets, join_labels
+from rm3d_plugin.models.heads.batch_labels import BatchLabels, FitPairs, ProposalTargets, join_labels
+from rm3d_plugin.models.heads.box_iou_head import BoxIoUHead
 from rm3d_plugin.models.heads.point_group_head import PointGroupHead
 from rm3d_plugin.models.heads.point_labels import PointLabels, join_point_labels
 from rm3d_plugin.models.heads.proposals import Instances, ProposalRules, find_instances
@@ -11,6 +12,8 @@ from rm3d_plugin.models.heads.vote_targets import VoteTargets
 
 __all__ = [
     'BatchLabels',
+    'BoxIoUHead',
+    'FitPairs',
     'Instances',
     'PointGroupHead',
     'PointLabels',

@@ -32,6 +32,18 @@ class ProposalTargets(NamedTuple):
     code: BoxCode
 
 
+class FitPairs(NamedTuple):
+    """Boxes with what an IoU head says of them and what is true.
+
+    Attributes:
+        logits: (K,) log odds of the overlap.
+        ious: (K,) overlap with their true box, in [0, 1].
+    """
+
+    logits: Float[Tensor, ' pairs']
+    ious: Float[Tensor, ' pairs']
+
+
 class BatchLabels(NamedTuple):
     """What training may read of a batch of scenes.
 
@@ -43,6 +55,7 @@ class BatchLabels(NamedTuple):
         semantic: (N,) class of each point; the number of box classes = background, -1 = unknown.
         instance: (N,) row of ``boxes`` that holds the point, -1 = none or unknown.
         targets: What the proposals of the network should say, once it made them.
+        fit_pairs: Boxes with what an IoU head said of their overlap and what is true, where the network has one.
     """
 
     boxes: Float[Tensor, 'boxes 7']
@@ -52,6 +65,7 @@ class BatchLabels(NamedTuple):
     semantic: Int[Tensor, ' points']
     instance: Int[Tensor, ' points']
     targets: ProposalTargets | None = None
+    fit_pairs: FitPairs | None = None
 
 
 def _field(sample: Mapping[str, Any], name: str, rows: int, fill: int, like: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from rm3d_plugin.models.heads.box_coder import BoxPrediction, decode_boxes
+from rm3d_plugin.models.heads.box_coder import BoxPrediction
 from rm3d_plugin.ops.boxes import nms_bev, rotated_iou_bev
 
 
@@ -26,16 +26,21 @@ class Detections(NamedTuple):
 
 
 def class_scores(
-    prediction: BoxPrediction, group_probs: Float[Tensor, 'proposals classes'] | None = None
+    prediction: BoxPrediction,
+    group_probs: Float[Tensor, 'proposals classes'] | None = None,
+    fits: Float[Tensor, ' proposals'] | None = None,
 ) -> Float[Tensor, 'proposals classes']:
-    """Objectness times class probability.
+    """Objectness times class probability, times the expected overlap where that is known.
 
     Args:
         prediction: Of the head.
         group_probs: Mean P_out of the points of each proposal, box classes only. Where given, the class probability is
             its geometric mean with what the points say.
+        fits: Expected overlap of each box with its object, in [0, 1].
     """
     objectness = prediction.objectness.softmax(dim=1)[:, 1:]
+    if fits is not None:
+        objectness = objectness * fits[:, None]
     classes = prediction.class_scores.softmax(dim=1)
     if group_probs is None:
         return objectness * classes
@@ -95,17 +100,3 @@ def select_boxes(
     kept = kept[np.argsort(-score[kept], kind='stable')][:limit]
     chosen = box[kept] if fuse_iou is None or not len(kept) else fuse_boxes(box, score, label, kept, fuse_iou)
     return Detections(*(torch.from_numpy(v) for v in (chosen.astype(np.float32), label[kept], np.float32(score[kept]))))
-
-
-def decode_scene(
-    prediction: BoxPrediction,
-    mean_sizes: Float[Tensor, 'classes 3'],
-    group_probs: Float[Tensor, 'proposals classes'] | None = None,
-    threshold: float = 0.05,
-    nms_iou: float = 0.25,
-    limit: int = 100,
-    fuse_iou: float | None = None,
-) -> Detections:
-    """Boxes of one scene from its proposals; arguments as in :func:`select_boxes`."""
-    boxes = decode_boxes(prediction, mean_sizes)
-    return select_boxes(boxes, class_scores(prediction, group_probs), threshold, nms_iou, limit, fuse_iou)

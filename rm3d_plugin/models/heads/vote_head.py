@@ -10,7 +10,9 @@ from torch import Tensor, nn
 
 from rm3d_plugin.models.heads.batch_labels import BatchLabels, ProposalTargets
 from rm3d_plugin.models.heads.box_coder import BoxPrediction, prediction_width, split_prediction
+from rm3d_plugin.models.heads.box_iou_head import BoxSeeds
 from rm3d_plugin.models.heads.group_shape import SHAPE_CHANNELS, group_shape, membership
+from rm3d_plugin.models.heads.mlp import mlp
 from rm3d_plugin.models.heads.seeds import choose_seeds
 from rm3d_plugin.models.heads.vote_targets import box_distances, known_share, proposal_targets
 from rm3d_plugin.models.init_config import InitConfig
@@ -31,6 +33,7 @@ class VoteOutput(NamedTuple):
         members: (P, K) point rows of the seeds grouped, -1 = none.
         prediction: The boxes.
         mean_sizes: (C, 3) the size templates that ``prediction`` is relative to, metres.
+        seeds: The points that voted; None where nobody asks.
     """
 
     offsets: Float[Tensor, 'points 3']
@@ -39,14 +42,7 @@ class VoteOutput(NamedTuple):
     members: Int[Tensor, 'proposals members']
     prediction: BoxPrediction
     mean_sizes: Float[Tensor, 'classes 3']
-
-
-def _mlp(widths: Sequence[int]) -> nn.Sequential:
-    """Linear, LayerNorm, ReLU for each step; rows do not depend on the rest of the batch."""
-    steps: list[nn.Module] = []
-    for a, b in zip(widths[:-1], widths[1:], strict=True):
-        steps += [nn.Linear(a, b), nn.LayerNorm(b), nn.ReLU(inplace=True)]
-    return nn.Sequential(*steps)
+    seeds: BoxSeeds | None = None
 
 
 def _by_class(value: float | Sequence[float], num_classes: int, name: str) -> Tensor:
@@ -121,12 +117,12 @@ class VoteHead(BaseModule):
         self.register_buffer('far', _by_class(far, num_classes, 'far'), persistent=False)
         if mean_sizes is not None:
             self.set_mean_sizes(torch.tensor(mean_sizes))
-        self.vote_mlp = _mlp([in_channels, hidden, hidden])
+        self.vote_mlp = mlp([in_channels, hidden, hidden])
         self.vote_offset = nn.Linear(hidden, 3)
         self.vote_residual = nn.Linear(hidden, in_channels)
-        self.group_mlp = _mlp([in_channels + 6, hidden, hidden, 2 * hidden])
-        self.shape_mlp = _mlp([SHAPE_CHANNELS, hidden, hidden])
-        self.box_mlp = _mlp([3 * hidden, 2 * hidden, 2 * hidden])
+        self.group_mlp = mlp([in_channels + 6, hidden, hidden, 2 * hidden])
+        self.shape_mlp = mlp([SHAPE_CHANNELS, hidden, hidden])
+        self.box_mlp = mlp([3 * hidden, 2 * hidden, 2 * hidden])
         self.box_out = nn.Linear(2 * hidden, prediction_width(heading_bins, num_classes))
 
     @torch.no_grad()
@@ -166,7 +162,8 @@ class VoteHead(BaseModule):
         groups = ball_query(votes, anchors, self.radius, self.samples, seed_offsets, anchor_offsets)
         prediction = self._boxes(groups, anchors, votes, xyz[seeds], vote_features, foreground[seeds])
         members = torch.where(groups >= 0, seeds[groups.clamp_min(0)], -1) if len(seeds) else groups
-        return VoteOutput(offsets, anchors, anchor_offsets, members, prediction, self.mean_sizes)
+        voted = BoxSeeds(xyz[seeds], features[seeds], seed_offsets)
+        return VoteOutput(offsets, anchors, anchor_offsets, members, prediction, self.mean_sizes, voted)
 
     def _shift(
         self, anchors: Tensor, votes: Tensor, foreground: Tensor, anchor_offsets: Tensor, vote_offsets: Tensor

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from rm3d_plugin.models.losses.divergences import check_rows
 from rm3d_plugin.models.losses.reduction import ReducedLoss
 from rm3d_plugin.registry import MODELS
 
@@ -26,7 +27,7 @@ def js_divergence(
     >>> js_divergence(torch.tensor([[0.0, 0.0]]), torch.tensor([[5.0, 5.0]])).item()
     0.0
     """
-    _check_rows(logits, other)
+    check_rows(logits, other)
     log_p, log_q = logits.log_softmax(dim=1), other.log_softmax(dim=1)
     log_m = torch.logaddexp(log_p, log_q) - math.log(2.0)
     terms = log_p.exp() * (log_p - log_m) + log_q.exp() * (log_q - log_m)
@@ -47,16 +48,8 @@ def squared_differences(
     logits: Float[Tensor, 'points classes'], other: Float[Tensor, 'points classes']
 ) -> Float[Tensor, 'points classes']:
     """Of the softmax of two rows of logits; raises as :func:`js_divergence` does."""
-    _check_rows(logits, other)
+    check_rows(logits, other)
     return (logits.softmax(dim=1) - other.softmax(dim=1)).square()
-
-
-def _check_rows(logits: Tensor, other: Tensor) -> None:
-    if logits.ndim != 2 or logits.shape != other.shape:
-        raise ValueError(
-            f'logits of two views: expected (points, classes) twice, got {tuple(logits.shape)} and '
-            f'{tuple(other.shape)}; rows are points: logits.transpose(1, 2).flatten(0, 1) makes them of (B, C, N)'
-        )
 
 
 class _AugLoss(ReducedLoss):

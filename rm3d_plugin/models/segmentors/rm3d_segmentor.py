@@ -13,7 +13,7 @@ from rm3d_plugin.models.outputs import SegmentorOutput
 from rm3d_plugin.models.point_model import LossConfigs, PointModel
 from rm3d_plugin.models.segmentors.chunks import Progress
 from rm3d_plugin.models.segmentors.point_inputs import PointInputs, point_inputs
-from rm3d_plugin.models.segmentors.scene_inference import SceneInference
+from rm3d_plugin.models.segmentors.scene_inference import Refine, SceneInference
 from rm3d_plugin.models.segmentors.scene_instances import scene_instances
 from rm3d_plugin.models.segmentors.scene_reader import SceneReader, settled
 from rm3d_plugin.registry import MODELS
@@ -49,6 +49,8 @@ class RM3DSegmentor(PointModel):
             ``predict_points`` is set it does not, as pseudo labels need none.
         inference: Fields of :class:`SceneInference`: chunks for large scenes, voting over views. Default: scenes are
             read whole and once.
+        refine: Config of a part that is called with points and class probabilities of a scene, on the CPU, and returns
+            better ones; at test time alone, after ``inference``. None: nothing is refined.
         ignore_index: A further value of ``pts_semantic_mask`` that means unlabelled, besides -1: ``num_classes`` in
             mmdetection3d.
         data_preprocessor: ``ScenePreprocessor`` by default.
@@ -70,6 +72,7 @@ class RM3DSegmentor(PointModel):
         thing_classes: Sequence[int] = (),
         predict_instances: bool = True,
         inference: dict[str, Any] | None = None,
+        refine: dict[str, Any] | None = None,
         ignore_index: int | None = None,
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
@@ -84,6 +87,7 @@ class RM3DSegmentor(PointModel):
             raise ValueError(f'thing_classes: expected classes 0..{num_classes - 1}, got {self.thing_classes}')
         self.predict_instances, self.ignore_index = predict_instances, ignore_index
         self.inference = SceneInference(**(inference or {}))
+        self.refine: Refine | None = None if refine is None else MODELS.build(refine)
         self.progress: Progress = iter
         channels, given = self.backbone.out_channels, {*SegmentorOutput._fields, *PointLabels._fields}
         semantic = {'type': 'SemanticHead', **(semantic_head or {})}
@@ -127,14 +131,21 @@ class RM3DSegmentor(PointModel):
         """Class probabilities and, with an instance head, centres and instances.
 
         With ``predict_points`` they are what making labels needs: read from one side, as the network says them, without
-        instances.
+        instances, and with ``predict_features`` the features beside them.
         """
-        reader = SceneReader(self.inputs, self.num_classes, self.inference, self.backbone, self._heads, self.progress)
-        for sample, scene in zip(samples, reader.read(batch, once=self.predict_points), strict=True):
+        columns = self.backbone.out_channels if self.predict_points and self.predict_features else 0
+        reader = SceneReader(
+            self.inputs, self.num_classes, columns, self.inference, self.backbone, self._heads, self.progress
+        )
+        scenes = reader.read(batch, once=self.predict_points)
+        for sample, points, scene in zip(samples, batch.points.split(batch.sizes), scenes, strict=True):
             probs = scene.probs
             if not self.predict_points:
                 probs = settled(probs, sample, self.inference, self.semantic_head.class_counts.cpu())
+                probs = probs if self.refine is None else self.refine(points.cpu(), probs)
             sample.pred_point_probs = probs
+            if scene.features is not None:
+                sample.pred_point_features = scene.features
             if scene.offsets is None:
                 continue
             sample.pred_point_centers = scene.xyz + scene.offsets

@@ -14,6 +14,8 @@ from rm3d_plugin.ops.segment import segment_mean
 
 Flip = Literal['none', 'both']
 Predict = Callable[[Tensor], Float[Tensor, 'rows columns']]
+Refine = Callable[[Tensor, Tensor], Tensor]
+"""Points (n, D) and class probabilities (n, C) of a scene, on the CPU -> class probabilities."""
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,14 @@ class ReadScene(NamedTuple):
     Attributes:
         xyz: (n, 3) metres.
         probs: (n, C) softmax, the mean over chunks and views.
+        features: (n, F) of the backbone, the same mean; None where they are not asked for.
         offsets: (n, 3) metres to the centres of instances, the same mean; None without an instance head.
         chunks: In which the scene was read.
     """
 
     xyz: Float[Tensor, 'points 3']
     probs: Float[Tensor, 'points classes']
+    features: Float[Tensor, 'points channels'] | None
     offsets: Float[Tensor, 'points 3'] | None
     chunks: Sequence[Chunk]
 
@@ -46,6 +48,7 @@ class SceneReader:
     Attributes:
         inputs: What the backbone reads of a point.
         num_classes: C.
+        num_features: F, columns of the features where they are asked for, else 0.
         inference: Chunks and views.
         backbone: ``(xyz, columns, batch_offsets) -> features``.
         heads: Features -> what is said of the points.
@@ -54,6 +57,7 @@ class SceneReader:
 
     inputs: PointInputs
     num_classes: int
+    num_features: int
     inference: SceneInference
     backbone: Callable[[Tensor, Tensor, Tensor], Tensor]
     heads: Callable[[Tensor], SegmentorOutput]
@@ -72,21 +76,33 @@ class SceneReader:
             xyz = points[:, :3].cpu()
             chunks = self.inference.chunks(xyz.numpy())
             values = self._averaged(points, chunks, once) if together is None else together[number]
-            probs, rest = values[:, : self.num_classes].clone(), values[:, self.num_classes :]
-            yield ReadScene(xyz, probs, rest if rest.shape[1] else None, chunks)
+            sizes = (self.num_classes, self.num_features, values.shape[1] - self._scalars)
+            probs, *rest = (part.clone() for part in values.split(sizes, dim=1))
+            features, offsets = (part if part.shape[1] else None for part in rest)
+            yield ReadScene(xyz, probs, features, offsets, chunks)
+
+    @property
+    def _scalars(self) -> int:
+        """Columns that are the same from every side."""
+        return self.num_classes + self.num_features
+
+    def _joined(self, output: SegmentorOutput) -> Float[Tensor, 'points values']:
+        """Probabilities, then features where they are asked for, then offsets where there are any."""
+        parts = (output.logits.softmax(dim=1), output.features[:, : self.num_features].float(), output.offsets)
+        return torch.cat([part for part in parts if part is not None], dim=1)
 
     def _columns(self, points: Tensor, batch_offsets: Tensor) -> Tensor:
         return point_inputs(points, batch_offsets, self.inputs)
 
     def _said(self, points: Tensor, batch_offsets: Tensor) -> Float[Tensor, 'points values']:
         columns = self._columns(points, batch_offsets)
-        return _joined(self.heads(self.backbone(points[:, :3], columns, batch_offsets)))
+        return self._joined(self.heads(self.backbone(points[:, :3], columns, batch_offsets)))
 
     def _averaged(self, points: Tensor, chunks: Sequence[Chunk], once: bool) -> Float[Tensor, 'points values']:
         if not chunks:
             return self._said(points, points.new_zeros(2).long()).cpu()
         views = self.inference.one_view if once else self.inference.views
-        return average_views(points, views, chunks, self._look, self.num_classes, self.progress)
+        return average_views(points, views, chunks, self._look, self._scalars, self.progress)
 
     def _look(self, points: Tensor) -> Predict:
         """A view of a scene, as a function that predicts some of its rows.
@@ -98,15 +114,9 @@ class SceneReader:
         def predict(rows: Tensor) -> Tensor:
             rows = rows.to(points.device)
             ends = torch.tensor([0, len(rows)], device=points.device)
-            return _joined(self.heads(self.backbone(points[rows, :3], columns[rows], ends)))
+            return self._joined(self.heads(self.backbone(points[rows, :3], columns[rows], ends)))
 
         return predict
-
-
-def _joined(output: SegmentorOutput) -> Float[Tensor, 'points values']:
-    """Probabilities, then offsets where there are any."""
-    probs = output.logits.softmax(dim=1)
-    return probs if output.offsets is None else torch.cat([probs, output.offsets], dim=1)
 
 
 def settled(

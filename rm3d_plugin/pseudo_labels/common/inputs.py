@@ -21,11 +21,13 @@ class PointPrediction:
         probabilities: (N, C) softmax; in detection the last class is background.
         centers: (N, 3) metres, the voted object centre, or None.
         boxes: Predicted boxes with scores, or None.
+        features: (N, F) of the network, for label makers that read them, or None.
     """
 
     probabilities: Float[np.ndarray, 'points classes']
     centers: Float[np.ndarray, 'points 3'] | None = None
     boxes: Boxes3D | None = None
+    features: Float[np.ndarray, 'points channels'] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,9 @@
 """What a refresh makes of one scene."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Int
 
 from rm3d_plugin.pseudo_labels.common.assembly import Grouped
 from rm3d_plugin.regions import MergeResult
@@ -17,12 +20,14 @@ class RefreshResult:
         stats: Named numbers of this refresh: coverage in [0, 1], counts otherwise.
         candidates: In detection every plausible object with its score, see
             :class:`~rm3d_plugin.pseudo_labels.detection.objects.Objects`.
+        steps: In detection, step -> (C,) candidates that it cost, see there.
     """
 
     labels: PseudoLabels
     merge: MergeResult
     stats: dict[str, float]
     candidates: Boxes3D = Boxes3D.empty()
+    steps: dict[str, Int[np.ndarray, ' classes']] = field(default_factory=dict)
 
 
 def refresh_stats(labels: PseudoLabels, grouped: Grouped) -> dict[str, float]:

@@ -40,6 +40,36 @@ def median_sizes(
     return priors
 
 
+def size_ranges(
+    boxes: Float[np.ndarray, 'boxes 7'], labels: Int[np.ndarray, ' boxes'], mean_sizes: Float[np.ndarray, 'classes 3']
+) -> Float[np.ndarray, 'classes 2 3']:
+    """Least and greatest longer side, shorter side and height of the labelled boxes of each class, metres.
+
+    Args:
+        boxes: Labelled boxes.
+        labels: Their classes.
+        mean_sizes: For classes without any; NaN stays NaN.
+    """
+    ranges = np.repeat(_sides(mean_sizes)[:, None], 2, axis=1)
+    for c in np.unique(labels).tolist():
+        own = _sides(np.asarray(boxes)[labels == c, 3:6])
+        ranges[c] = own.min(axis=0), own.max(axis=0)
+    return ranges
+
+
+def _sides(sizes: Float[np.ndarray, 'boxes 3']) -> Float[np.ndarray, 'boxes 3']:
+    """Longer side, shorter side, height: which side is the length is a matter of yaw."""
+    return np.concatenate([-np.sort(-sizes[:, :2], axis=1), sizes[:, 2:]], axis=1)
+
+
+def has_usual_size(
+    boxes: Boxes3D, ranges: Float[np.ndarray, 'classes 2 3'], ratio: float
+) -> Bool[np.ndarray, ' boxes']:
+    """Whether both sides and the height lie in the range of the class, widened by a factor; never where it is NaN."""
+    sides, own = _sides(boxes.tensor[:, 3:6]), ranges[boxes.labels]
+    return np.asarray(((sides >= own[:, 0] / ratio) & (sides <= own[:, 1] * ratio)).all(axis=1))
+
+
 def tight_box(
     points: Float[np.ndarray, 'points 3'], yaw_fitted: bool = True, sensor: tuple[float, float] | None = (0.0, 0.0)
 ) -> Float[np.ndarray, '7']:

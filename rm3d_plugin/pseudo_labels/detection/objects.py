@@ -36,7 +36,8 @@ class Objects(NamedTuple):
         rejected: (N,) bool, points of groups that are larger than their class allows.
         counts: 'pseudo_boxes', 'rejected_groups' (too large), 'joined_fragments', 'small_groups' (too few points),
             'partial_groups' (too little to see), 'doubtful_groups' (score under the limit), 'suppressed_boxes'.
-        candidates: Every plausible group with its score, before scores are held against the limits.
+        candidates: Every plausible object with its score, before scores are held against the limits.
+        steps: Step -> (C,) candidates of each class that it cost, in order; 'found' is how many there were at first.
     """
 
     boxes: Boxes3D
@@ -44,6 +45,7 @@ class Objects(NamedTuple):
     rejected: Bool[np.ndarray, ' points']
     counts: dict[str, float]
     candidates: Boxes3D = Boxes3D.empty()
+    steps: dict[str, Int[np.ndarray, ' classes']] = {}
 
 
 class PointVotes(NamedTuple):
@@ -149,14 +151,32 @@ def find_objects(
     boxes, point_box, lost = _compete(len(context.xyz), trusted, annotated_boxes, earlier, rules)
     counts = {
         'pseudo_boxes': float(len(boxes)),
-        'rejected_groups': float(too_large),
+        'rejected_groups': float(len(too_large)),
         'joined_fragments': float(len(found) - len(joined)),
         'small_groups': float(len(joined) - len(large_enough)),
         'partial_groups': float(len(large_enough) - len(whole)),
         'doubtful_groups': float(len(scored) - len(trusted)),
         'suppressed_boxes': float(lost),
     }
-    return Objects(boxes, point_box, rejected, counts, _as_boxes(scored))
+    steps = _steps(context, found, too_large, (joined, large_enough, whole, trusted), boxes)
+    return Objects(boxes, point_box, rejected, counts, _as_boxes(scored), steps)
+
+
+def _steps(
+    context: ObjectContext,
+    found: list[_Candidate],
+    too_large: list[int],
+    left: tuple[list[_Candidate], ...],
+    boxes: Boxes3D,
+) -> dict[str, Int[np.ndarray, ' classes']]:
+    """How many candidates of each class every step cost; old boxes that come back may make the last one negative."""
+    classes = len(context.mean_sizes)
+    at = [np.bincount([c.label for c in part], minlength=classes) for part in (found, *left)]
+    large = np.bincount(too_large, minlength=classes)
+    at.append(np.bincount(boxes.labels, minlength=classes))
+    names = ('joined', 'points', 'shown', 'score', 'collision')
+    lost = {name: before - after for name, before, after in zip(names, at[:-1], at[1:], strict=True)}
+    return {'found': at[0] + large, 'size': large, **lost}
 
 
 def _wanted(groups: GroupLabels, mean_sizes: Float[np.ndarray, 'classes 3']) -> Bool[np.ndarray, ' groups']:
@@ -168,14 +188,14 @@ def _wanted(groups: GroupLabels, mean_sizes: Float[np.ndarray, 'classes 3']) -> 
 
 def _candidates_of(
     context: ObjectContext, groups: PointGroups, wanted: Bool[np.ndarray, ' groups']
-) -> tuple[list[_Candidate], Bool[np.ndarray, ' points'], int]:
-    """Candidates of the wanted groups; points of groups that are too large for any, and how many groups those are."""
+) -> tuple[list[_Candidate], Bool[np.ndarray, ' points'], list[int]]:
+    """Candidates of the wanted groups; points of groups that are too large for any, and the classes of those groups."""
     labels = groups.labels
     order = np.argsort(groups.points, kind='stable')
     starts = np.searchsorted(groups.points[order], np.arange(len(labels.classes) + 1))
     found: list[_Candidate] = []
     rejected = np.zeros(len(context.xyz), dtype=bool)
-    too_large = 0
+    too_large: list[int] = []
     for group in np.flatnonzero(wanted).tolist():
         members = order[starts[group] : starts[group + 1]]
         if len(members):
@@ -183,7 +203,7 @@ def _candidates_of(
             found += own
             if not own:
                 rejected[members] = True
-                too_large += 1
+                too_large.append(int(labels.classes[group]))
     return found, rejected, too_large
 
 
@@ -248,7 +268,7 @@ def _candidates(context: ObjectContext, group: int, members: np.ndarray, label: 
     sure = members[(classes == label) | (classes < 0)]
     sure = sure if len(sure) else members
     prior, limit = context.mean_sizes[label], context.rules.max_excess
-    whole = _Candidate((group,), sure, label, score, _fit(context, sure, label))
+    whole = _Candidate((group,), sure, label, score, fit_object(context, sure, label))
     if is_plausible(whole.fit, prior, limit):
         return [whole]
     if context.votes.centers is None:
@@ -258,7 +278,7 @@ def _candidates(context: ObjectContext, group: int, members: np.ndarray, label: 
     for part in range(int(parts.max(initial=-1)) + 1):
         chosen = sure[parts == part]
         if len(chosen) >= context.rules.min_points:
-            out.append(_Candidate((group,), chosen, label, score, _fit(context, chosen, label)))
+            out.append(_Candidate((group,), chosen, label, score, fit_object(context, chosen, label)))
     return [candidate for candidate in out if is_plausible(candidate.fit, prior, limit)]
 
 
@@ -290,7 +310,8 @@ def split_by_votes(centers: Float[np.ndarray, 'points 3'], radius: float) -> Int
     return part
 
 
-def _fit(context: ObjectContext, members: np.ndarray, label: int) -> BoxFit:
+def fit_object(context: ObjectContext, members: np.ndarray, label: int) -> BoxFit:
+    """The box of these points (rows of the scene) if they are one object of a class, as the rules have it."""
     points = context.xyz[members]
     if context.rules.box != 'completed':
         box = tight_box(points, context.rules.box == 'tight', context.sensor)
@@ -323,7 +344,7 @@ def _union(context: ObjectContext, a: _Candidate, b: _Candidate) -> _Candidate |
     if rotated_iou_bev(a.fit.box[None], b.fit.box[None])[0, 0] <= context.rules.max_iou:
         return None
     members = np.sort(np.concatenate([a.members, b.members]))
-    fit = _fit(context, members, a.label)
+    fit = fit_object(context, members, a.label)
     if not is_plausible(fit, context.mean_sizes[a.label], context.rules.max_excess):
         return None
     score = (a.score * len(a.members) + b.score * len(b.members)) / len(members)

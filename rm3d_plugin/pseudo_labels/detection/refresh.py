@@ -22,7 +22,12 @@ from rm3d_plugin.pseudo_labels.common.assembly import (
 from rm3d_plugin.pseudo_labels.common.groups import seen_rows, without_doubtful
 from rm3d_plugin.pseudo_labels.common.inputs import RoundContext, SceneInputs
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult, refresh_stats
-from rm3d_plugin.pseudo_labels.detection.boxes import geometric_background, region_tops, robust_extents
+from rm3d_plugin.pseudo_labels.detection.boxes import (
+    geometric_background,
+    region_tops,
+    robust_extents,
+    size_ranges,
+)
 from rm3d_plugin.pseudo_labels.detection.objects import (
     EarlierObjects,
     Evidence,
@@ -31,9 +36,17 @@ from rm3d_plugin.pseudo_labels.detection.objects import (
     PointGroups,
     PointVotes,
     find_objects,
+    fit_object,
 )
 from rm3d_plugin.pseudo_labels.detection.parts import PartLimits, split_mixed
 from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules
+from rm3d_plugin.pseudo_labels.detection.teacher import (
+    BoxLimits,
+    Candidates,
+    ask_annotated,
+    teacher_candidates,
+    teacher_objects,
+)
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PseudoLabels
 
 BACKGROUND_CONFIDENCE = 0.9  # of what geometry alone calls background
@@ -48,11 +61,30 @@ class ObjectKnowledge:
         mean_sizes: (C, 3) usual sizes, metres; NaN for a class without an annotated box, which then gets no pseudo box.
         height: (N,) metres above the ground of each point, or None.
         limits: (C,) score that a pseudo box of each class needs; None: any.
+        box_limits: What the scores of predicted boxes mean, where these become pseudo boxes; None: no box does.
+        ranges: (C, 2, 3) sizes of annotated boxes, see
+            :func:`~rm3d_plugin.pseudo_labels.detection.boxes.size_ranges`; None: ``mean_sizes`` alone.
     """
 
     mean_sizes: Float[np.ndarray, 'classes 3']
     height: Float[np.ndarray, ' points'] | None = None
     limits: Float[np.ndarray, ' classes'] | None = None
+    box_limits: BoxLimits | None = None
+    ranges: Float[np.ndarray, 'classes 2 3'] | None = None
+
+
+class _Background(NamedTuple):
+    """Points without an annotated class that are background.
+
+    Attributes:
+        surely: Whatever the network says: on the ground, of regions that reach too high, or just outside an annotated
+            box.
+        large: Of regions that are too large: unless the network finds whole objects in them, such as a row of parked
+            cars.
+    """
+
+    surely: Bool[np.ndarray, ' points']
+    large: Bool[np.ndarray, ' points']
 
 
 def refresh_detection(
@@ -62,8 +94,9 @@ def refresh_detection(
 
     Annotated boxes label their points exactly and propagate nowhere. Elsewhere a group of regions takes the class that
     the network gives it with confidence, and every group of an object class becomes a pseudo box, if it is plausible
-    and no annotated or better box is in its place. Regions that no object can be are background from the first round
-    on; only one that is merely too large may still turn out to hold objects.
+    and no annotated or better box is in its place. With ``rules.teacher`` the boxes that the network predicts become
+    pseudo boxes instead, anew in every round. Regions that no object can be are background from the first round on;
+    only one that is merely too large may still turn out to hold objects.
 
     Args:
         scene: Geometry, annotated boxes, prediction (background last) and the labels of the last round.
@@ -80,6 +113,27 @@ def refresh_detection(
     grouped = _group(scene, round, annotation)
     empty = _background_points(scene, annotation, knowledge, round.rules.objects)
 
+    if round.rules.teacher is None:
+        objects, labels = _objects_of_groups(scene, round, knowledge, annotation, grouped, empty)
+    else:
+        objects, labels = _objects_of_teacher(scene, round.rules, knowledge, annotation, empty)
+    labels, objects = _fill_boxes(scene.xyz, labels, objects)
+    labels = labels.overlay(annotation.known, annotation.semantic, 1.0)
+    finished = _with_boxes(labels, annotation, objects, scene.annotated)
+    stats = refresh_stats(finished, grouped) | objects.counts
+    return RefreshResult(finished, grouped.with_record(), stats, objects.candidates, objects.steps)
+
+
+def _objects_of_groups(
+    scene: SceneInputs,
+    round: RoundContext[DetectionRules],
+    knowledge: ObjectKnowledge,
+    annotation: PointAnnotation,
+    grouped: Grouped,
+    empty: _Background,
+) -> tuple[Objects, LabelAssembly]:
+    """Objects among the groups, and the labels of points; those of the last round stay where they are supported."""
+    background = len(knowledge.mean_sizes)
     supported = supported_points(scene.previous, grouped, round.rules.merge)
     if supported is not None and scene.previous is not None:
         supported &= ~(empty.large & (scene.previous.semantic == background))  # asked again below, in every round
@@ -92,12 +146,72 @@ def refresh_detection(
     )
     labels = labels_of_groups(grouped).overlay(objects.rejected, UNLABELLED, 0.0)
     labels = labels.overlay(empty.surely | (empty.large & (objects.point_box < 0)), background, BACKGROUND_CONFIDENCE)
-    labels = keep_previous(labels, scene.previous, supported)
-    labels, objects = _fill_boxes(scene.xyz, labels, objects)
-    labels = labels.overlay(annotation.known, annotation.semantic, 1.0)
-    finished = _with_boxes(labels, annotation, objects, scene.annotated)
-    stats = refresh_stats(finished, grouped) | objects.counts
-    return RefreshResult(finished, grouped.with_record(), stats, objects.candidates)
+    return objects, keep_previous(labels, scene.previous, supported)
+
+
+def find_candidates(scene: SceneInputs, rules: DetectionRules, knowledge: ObjectKnowledge) -> Candidates:
+    """Predicted boxes of a scene that may be objects; what scores mean is told once those of all scenes are known.
+
+    Raises:
+        ValueError: There are no rules for predicted boxes.
+    """
+    if rules.teacher is None:
+        raise ValueError('find_candidates: DetectionRules.teacher is None; give it rules')
+    annotation = points_of_boxes(scene.xyz, scene.annotated, len(knowledge.mean_sizes))
+    return _candidates(
+        scene, rules, knowledge, annotation, _surely_background(scene, annotation, knowledge, rules.objects)
+    )
+
+
+def _candidates(
+    scene: SceneInputs,
+    rules: DetectionRules,
+    knowledge: ObjectKnowledge,
+    annotation: PointAnnotation,
+    background: Bool[np.ndarray, ' points'],
+) -> Candidates:
+    assert rules.teacher is not None
+    predicted = None if scene.prediction is None else scene.prediction.boxes
+    boxes = Boxes3D.empty() if predicted is None else predicted
+    known, sizes = scene.annotated.boxes, knowledge.ranges
+    if sizes is None:
+        sizes = size_ranges(np.zeros((0, 7)), np.zeros(0, dtype=np.int64), knowledge.mean_sizes)
+    shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
+    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher)
+
+
+def _objects_of_teacher(
+    scene: SceneInputs,
+    rules: DetectionRules,
+    knowledge: ObjectKnowledge,
+    annotation: PointAnnotation,
+    empty: _Background,
+) -> tuple[Objects, LabelAssembly]:
+    """Objects among the predicted boxes; background by geometry, and outside the boxes where the network is sure."""
+    assert rules.teacher is not None
+    background, sure = len(knowledge.mean_sizes), rules.teacher.background
+    found = _candidates(scene, rules, knowledge, annotation, empty.surely)
+    limits = knowledge.box_limits or BoxLimits(*np.full((3, background), np.inf))
+    objects = teacher_objects(scene.xyz, found, limits, background)
+    if rules.teacher.refit:
+        objects = _refitted(objects, _object_context(scene, knowledge, rules.objects), empty.surely)
+    free = (objects.point_box < 0) & ~objects.rejected & (annotation.seeds < 0)
+    empty_points = (empty.surely & (objects.point_box < 0)) | (empty.large & free)
+    if sure is not None and scene.probabilities is not None:
+        empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= sure)
+    nothing = LabelAssembly(np.full(len(scene.xyz), UNLABELLED), np.zeros(len(scene.xyz), dtype=np.float32))
+    return objects, nothing.overlay(empty_points, background, BACKGROUND_CONFIDENCE)
+
+
+def _refitted(objects: Objects, context: ObjectContext, background: Bool[np.ndarray, ' points']) -> Objects:
+    """The class's usual box fitted to the points of each box, where the object shows enough of them."""
+    tensor = objects.boxes.tensor.copy()
+    for row, label in enumerate(objects.boxes.labels.tolist()):
+        members = np.flatnonzero((objects.point_box == row) & ~background)
+        if len(members) >= context.rules.min_points:
+            tensor[row] = fit_object(context, members, label).box
+    boxes = Boxes3D(tensor, objects.boxes.labels, objects.boxes.scores)
+    return objects._replace(boxes=boxes, point_box=points_in_boxes(context.xyz, tensor))
 
 
 def _pad(counts: Int[np.ndarray, ' given'], classes: int) -> Int[np.ndarray, ' classes']:
@@ -132,34 +246,27 @@ def _cut_out_parts(grouped: Grouped, scene: SceneInputs, round: RoundContext[Det
     return grouped._replace(groups=groups, points=points)
 
 
-class _Background(NamedTuple):
-    """Points without an annotated class that are background.
-
-    Attributes:
-        surely: Whatever the network says: on the ground, of regions that reach too high, or just outside an annotated
-            box.
-        large: Of regions that are too large: unless the network finds whole objects in them, such as a row of parked
-            cars.
-    """
-
-    surely: Bool[np.ndarray, ' points']
-    large: Bool[np.ndarray, ' points']
-
-
 def _background_points(
     scene: SceneInputs, annotation: PointAnnotation, knowledge: ObjectKnowledge, rules: ObjectRules
 ) -> _Background:
-    regions, sizes, height = scene.geometry.regions, knowledge.mean_sizes, knowledge.height
+    regions, sizes = scene.geometry.regions, knowledge.mean_sizes
     large = geometric_background(robust_extents(scene.xyz, regions), None, sizes, rules.background_ratio)
     of_large = segment_values(large, regions.labels, False).astype(bool)
-    surely = np.zeros(len(scene.xyz), dtype=bool)
-    if height is not None:
-        flat = np.zeros((len(regions), 3))
-        tall = geometric_background(flat, region_tops(height, regions), sizes, rules.background_ratio)
-        ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
-        surely = segment_values(tall, regions.labels, False).astype(bool) | ground
-    free = annotation.seeds < 0
-    return _Background((surely & free) | annotation.shell, of_large & free)
+    return _Background(_surely_background(scene, annotation, knowledge, rules), of_large & (annotation.seeds < 0))
+
+
+def _surely_background(
+    scene: SceneInputs, annotation: PointAnnotation, knowledge: ObjectKnowledge, rules: ObjectRules
+) -> Bool[np.ndarray, ' points']:
+    """See :class:`_Background`."""
+    regions, height = scene.geometry.regions, knowledge.height
+    if height is None:
+        return annotation.shell
+    flat = np.zeros((len(regions), 3))
+    tall = geometric_background(flat, region_tops(height, regions), knowledge.mean_sizes, rules.background_ratio)
+    ground = (regions.labels < 0) & (height < GROUND_HEIGHT)
+    surely = segment_values(tall, regions.labels, False).astype(bool) | ground
+    return np.asarray((surely & (annotation.seeds < 0)) | annotation.shell)
 
 
 def _object_context(scene: SceneInputs, knowledge: ObjectKnowledge, rules: ObjectRules) -> ObjectContext:

@@ -76,6 +76,42 @@ AS_PRINTED = ObjectRules(box='axis_aligned', part_share=2.0)
 
 
 @dataclass(frozen=True)
+class TeacherRules:
+    """When a box that the network predicts becomes a pseudo box.
+
+    Attributes:
+        share: Share of the score that annotated objects of the class get (their median) from which a box is accepted;
+            larger: fewer and purer.
+        recognised: Probability that the points of annotated objects of a class must have for it (the median over the
+            objects): a network that does not know the objects that it was shown names no others. 0: never asked.
+        size_ratio: A box with a side or a height that is more than this times the greatest of the class's annotated
+            boxes, or that many times less than the least, is not of the class.
+        min_points: Fewest points in a box that are not surely background.
+        max_iou: Overlap from above that two boxes may have.
+        refit: The class's usual box is fitted to the points of an accepted box, and takes its place.
+        background: Probability from which the network makes a point background that lies in no candidate's box. None:
+            geometry alone makes background.
+    """
+
+    share: float = 0.7
+    recognised: float = 0.4
+    size_ratio: float = 1.4
+    min_points: int = 5
+    max_iou: float = 0.1
+    refit: bool = False
+    background: float | None = 0.95
+
+    def __post_init__(self) -> None:
+        check_field(self, 'share', 0 < self.share <= 1, 'a share in (0, 1]')
+        check_field(self, 'recognised', 0 <= self.recognised <= 1, 'a probability')
+        check_field(self, 'size_ratio', self.size_ratio >= 1, 'at least 1')
+        check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
+        check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
+        sure = self.background
+        check_field(self, 'background', sure is None or 0 < sure <= 1, 'a probability in (0, 1], or None')
+
+
+@dataclass(frozen=True)
 class DetectionRules:
     """How labels of points and boxes are made.
 
@@ -83,11 +119,13 @@ class DetectionRules:
         merge: How regions merge (the paper).
         objects: When a group is an object.
         self_training: How a round's new labels are limited; None: they are not.
+        teacher: When a box that the network predicts becomes a pseudo box. None: groups of regions do, by ``objects``.
     """
 
     merge: MergeRules
     objects: ObjectRules = ObjectRules()
     self_training: SelfTrainingRules | None = None
+    teacher: TeacherRules | None = None
 
 
 def detection_rules(
@@ -95,6 +133,7 @@ def detection_rules(
     merge: Mapping[str, Any] | None = None,
     objects: Mapping[str, Any] | None = None,
     self_training: Mapping[str, Any] | None = None,
+    teacher: Mapping[str, Any] | None = None,
 ) -> DetectionRules:
     """The rules of a run from the fields that its config gives.
 
@@ -105,6 +144,7 @@ def detection_rules(
         objects: Fields of :class:`ObjectRules`. Its ``gamma`` takes the place of that of
             ``merge``, which is then left out.
         self_training: Fields of :class:`SelfTrainingRules`, or None.
+        teacher: Fields of :class:`TeacherRules`, or None.
 
     Raises:
         ValueError: A value is not allowed; the message names class and field.
@@ -114,4 +154,5 @@ def detection_rules(
         return DetectionRules(merging, AS_PRINTED)
     rules = ObjectRules(**(objects or {}))
     merging = with_gamma(merging, merge, rules.gamma, 'ObjectRules.gamma')
-    return DetectionRules(merging, rules, optional_rules(SelfTrainingRules, self_training))
+    limited = optional_rules(SelfTrainingRules, self_training)
+    return DetectionRules(merging, rules, limited, optional_rules(TeacherRules, teacher))

@@ -1,12 +1,12 @@
 """Learned descriptors: the same values whatever tiles, order and place; masks; checkpoints that are refused."""
 
+import hashlib
 import json
 
 import numpy as np
 import pytest
 import torch
 
-from rm3d_plugin.descriptors.learned import weights_file
 from rm3d_plugin.descriptors.learned.weights_file import read_weights, write_weights
 from rm3d_plugin.registry import DESCRIPTORS, MODELS
 from rm3d_plugin.storage import write_npz
@@ -15,9 +15,12 @@ from rm3d_plugin.user_error import ConfigError
 
 BACKBONE = {'type': 'SparseUNet', 'voxel_size': 1.0, 'widths': [8, 12], 'blocks': 1, 'map_cache': 0}
 MODEL = {
-    'Contrastive': {'type': 'DescriptorNetwork', 'backbone': BACKBONE, 'channels': 8},
-    'Predator': {'type': 'PredatorNetwork', 'backbone': BACKBONE, 'channels': 8, 'attention': {'channels': 8}}
-    | {'block': 24, 'margin': 6},
+    'Contrastive': {'type': 'DescriptorNetwork', 'backbone': BACKBONE, 'channels': 8, 'in_channels': 40},
+    'Predator': {'type': 'PredatorNetwork', 'backbone': BACKBONE, 'channels': 8, 'in_channels': 40}
+    | {'attention': {'channels': 8}, 'block': 24, 'margin': 6},
+    'PointSIFT': {'type': 'DescriptorNetwork', 'channels': 8, 'in_channels': 40}
+    | {'backbone': {'type': 'PointSIFTBackbone', 'channels': 8, 'radii': [2.0, 4.0]}},
+    'SupervisedSuperpoint': {'type': 'DescriptorNetwork', 'backbone': {'type': 'LocalCloudEmbedder'}, 'channels': 4},
 }
 NAMES = sorted(MODEL)
 
@@ -161,6 +164,24 @@ def test_arguments_that_make_no_sense(files):
             build('Contrastive', files, **settings)
 
 
-def test_the_weights_of_the_package_are_small():
-    found = list(weights_file.SHIPPED.glob('*.npz'))
-    assert all(path.stat().st_size < 2e6 for path in found)
+SHIPPED = [name for name in NAMES if DESCRIPTORS.get(name).shipped().is_file()]
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_weights_of_the_package_are_small_and_have_a_card(name):
+    path = DESCRIPTORS.get(name).shipped()
+    content = path.read_bytes()
+    card = path.with_suffix('.md').read_text(encoding='utf-8')
+    assert len(content) < 2e6 and hashlib.sha256(content).hexdigest() in card and 'rm3d train' in card
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_the_weights_of_the_package_know_a_turned_scan_again(name, cloud):
+    part = DESCRIPTORS.build({'type': name})
+    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    if name == 'SupervisedSuperpoint':  # has learnt from upright rooms
+        turn = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    first, second = part.compute(cloud), part.compute(PointCloud((cloud.xyz @ turn.T).astype(np.float32)))
+    alike = (first.values * second.values).sum(axis=1)
+    others = (first.values * second.values[::-1]).sum(axis=1)
+    assert alike.mean() > others.mean() + 0.1, 'a point is more like itself than like another'

@@ -27,7 +27,7 @@ def surface(seed, side=60):
 
 @pytest.fixture(scope='module')
 def contrastive():
-    return make('DescriptorNetwork', losses=[{'type': 'PairContrast'}])
+    return make('DescriptorNetwork', direct=True, losses=[{'type': 'PairContrast'}])
 
 
 @pytest.fixture(scope='module')

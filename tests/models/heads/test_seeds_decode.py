@@ -1,8 +1,8 @@
 import numpy as np
 import torch
 
-from rm3d_plugin.models.heads.box_coder import BoxPrediction
-from rm3d_plugin.models.heads.decode import class_scores, decode_scene, fuse_boxes
+from rm3d_plugin.models.heads.box_coder import BoxPrediction, decode_boxes
+from rm3d_plugin.models.heads.decode import class_scores, fuse_boxes, select_boxes
 from rm3d_plugin.models.heads.seeds import choose_seeds
 
 
@@ -28,15 +28,19 @@ def prediction(centers, objectness, kinds):
     )
 
 
+def decoded(given, means, fuse_iou=None):
+    return select_boxes(decode_boxes(given, means), class_scores(given), 0.05, 0.25, 100, fuse_iou)
+
+
 def test_decode_keeps_the_best_of_each_class():
     means = torch.tensor([[4.0, 2, 1], [4.0, 2, 1]])
-    got = decode_scene(
+    got = decoded(
         prediction([[0.0, 0, 0], [0.3, 0, 0], [0.0, 0, 0], [9.0, 0, 0]], [1.0, 3.0, 2.0, -9.0], [0, 0, 1, 0]), means
     )
     assert got.labels.tolist() == [0, 1]
     assert torch.allclose(got.boxes, torch.tensor([[0.3, 0, 0, 4, 2, 1, 0], [0.0, 0, 0, 4, 2, 1, 0]]))
     assert torch.allclose(got.scores, torch.sigmoid(torch.tensor([3.0, 2.0])), atol=1e-5)
-    none = decode_scene(prediction([[0.0, 0, 0]], [-9.0], [0]), means)
+    none = decoded(prediction([[0.0, 0, 0]], [-9.0], [0]), means)
     assert none.boxes.shape == (0, 7) and none.scores.shape == (0,)
 
 
@@ -45,6 +49,7 @@ def test_scores_may_ask_the_points():
     assert torch.allclose(class_scores(given), torch.tensor([[0.5, 0.0]]), atol=1e-6)
     asked = class_scores(given, torch.tensor([[0.25, 0.75]]))
     assert torch.allclose(asked, torch.tensor([[0.25, 0.0]]), atol=1e-6)
+    assert torch.allclose(class_scores(given, fits=torch.tensor([0.5])), torch.tensor([[0.25, 0.0]]), atol=1e-6)
 
 
 def test_fusing_averages_what_overlaps_within_the_class():
@@ -66,6 +71,6 @@ def test_fusing_averages_what_overlaps_within_the_class():
 
 def test_fused_decode_keeps_scores_and_labels():
     given, means = prediction([[0.0, 0, 0], [0.4, 0, 0]], [2.0, 2.0], [0, 0]), torch.tensor([[4.0, 2, 1], [4.0, 2, 1]])
-    plain, fused = decode_scene(given, means), decode_scene(given, means, fuse_iou=0.5)
+    plain, fused = decoded(given, means), decoded(given, means, fuse_iou=0.5)
     assert torch.equal(plain.scores, fused.scores)
     assert plain.boxes[0, 0] == 0.0 and 0.1 < float(fused.boxes[0, 0]) < 0.2

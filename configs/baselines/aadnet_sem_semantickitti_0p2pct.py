@@ -1,0 +1,9 @@
+# AADNet: classes of points of SemanticKITTI, from 0.2 % of the points; the network and schedule of rm3d_sem_semantickitti_0p2pct.
+# Run: rm3d train aadnet_sem_semantickitti_0p2pct [--demo]
+# Time: not measured.
+# Score on SemanticKITTI: not measured (the data set is not part of the repository). On the demo: docs/RESULTS.md.
+_base_ = '../_base_/semantickitti.py'
+budget = '0p2pct'
+label_refreshes = 1
+propagate = False
+point_loss = dict(loss=dict(type='EntropyWeightedLoss'))

@@ -1,0 +1,18 @@
+# CPCM: classes of points of Oakland, from 1 % of the points; the network and schedule of rm3d_sem_oakland_1pct.
+# Run: rm3d train cpcm_sem_oakland_1pct
+# Time: not measured.
+# Score on Oakland: docs/RESULTS.md.
+_base_ = '../_base_/oakland.py'
+budget = '1pct'
+label_refreshes = 1
+propagate = False
+aug_prob = 1.0
+aug_loss = None
+method_view = dict(type='MaskedView')
+method_loss = dict(
+    type='ScheduledLoss',
+    losses=[
+        dict(type='ViewSupervision', loss='${point_loss}'),
+        dict(type='ScheduledLoss', ramp=0.028, losses=[dict(type='MaskedConsistency')]),
+    ],
+)

@@ -1,0 +1,14 @@
+# DGNet: classes of points of Oakland, from 1 % of the points; the network and schedule of rm3d_sem_oakland_1pct.
+# Run: rm3d train dgnet_sem_oakland_1pct
+# Time: not measured.
+# Score on Oakland: docs/RESULTS.md.
+_base_ = '../_base_/oakland.py'
+budget = '1pct'
+label_refreshes = 1
+propagate = False
+point_loss = dict(loss=dict(type='TruncatedCrossEntropyLoss'))
+method_loss = dict(
+    type='ScheduledLoss',
+    start=0.5,
+    losses=[dict(type='DGNetLoss', num_classes='${num_classes}', channels='${widths[0]}')],
+)

@@ -1,0 +1,9 @@
+# ERDA: classes of points of Oakland, from 1 % of the points; the network and schedule of rm3d_sem_oakland_1pct.
+# Run: rm3d train erda_sem_oakland_1pct
+# Time: not measured.
+# Score on Oakland: docs/RESULTS.md.
+_base_ = '../_base_/oakland.py'
+budget = '1pct'
+label_refreshes = 1
+propagate = False
+method_loss = dict(type='ERDALoss', num_classes='${num_classes}', channels='${widths[0]}')

@@ -1,0 +1,17 @@
+# PointContrast: classes and instances of ScanNet, from 0.2 % of the points; the network and schedule of rm3d_ins_scannet_0p2pct.
+# Run: rm3d train pointcontrast_ins_scannet_0p2pct [--demo]
+# Time: not measured.
+# Score on ScanNet: not measured (the data set is not part of the repository). On the demo: docs/RESULTS.md.
+_base_ = '../_base_/scannet.py'
+task = 'instances'
+budget = '0p2pct'
+label_refreshes = 1
+propagate = False
+dice_loss = None
+offset_weight = 0.0
+point_group = dict(proposals=dict(coordinates='original'))
+method_hook = dict(
+    type='PretrainingHook',
+    loss=dict(type='PointContrast', in_channels='${widths[0]}', voxel_size='${voxel_size}'),
+    cache='${cache_dir}',
+)

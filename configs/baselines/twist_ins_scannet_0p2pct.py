@@ -1,0 +1,20 @@
+# TWIST: classes and instances of ScanNet, from 0.2 % of the points; the network and schedule of rm3d_ins_scannet_0p2pct.
+# Run: rm3d train twist_ins_scannet_0p2pct [--demo]
+# Time: not measured.
+# Score on ScanNet: not measured (the data set is not part of the repository). On the demo: docs/RESULTS.md.
+_base_ = '../_base_/scannet.py'
+task = 'instances'
+budget = '0p2pct'
+label_refreshes = 1
+propagate = False
+dice_loss = None
+offset_weight = 0.0
+point_group = dict(proposals=dict(coordinates='both'))
+method_loss = dict(
+    type='TwistLoss',
+    num_classes='${num_classes}',
+    channels='${widths[0]}',
+    thing_classes='${thing_classes}',
+    proposals='${point_group.proposals}',
+)
+method_hook = dict(type='EMATeacherHook')

@@ -1,0 +1,135 @@
+"""Pseudo boxes rule by rule, all from one network: how many, how many are right, how many are found."""
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mmengine.dataset import pseudo_collate
+
+from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints
+from rm3d_plugin.engine.mirrored_view import predict_scenes
+from rm3d_plugin.engine.run import label_hooks
+from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
+from rm3d_plugin.experiments.runner import Commands, run_folder, run_rows
+from rm3d_plugin.experiments.spec import Request, Row
+from rm3d_plugin.inference.trained import TrainedNetwork, load_network
+from rm3d_plugin.labeling import LabelMaker
+from rm3d_plugin.pseudo_labels import PointPrediction
+from rm3d_plugin.registry import DATASETS, TASK_UTILS
+
+ALONE = 'sup_votenet_kitti_1pct'  # trained on annotated boxes alone: its network makes the labels of round 1
+SMALL = {  # the network of the demo, for real frames
+    'voxel_size': 0.15, 'widths': [16, 32, 48, 64], 'blocks': 1, 'num_seeds': 512, 'num_proposals': 128, 'hidden': 64,
+    'rounds': 10, 'warm_up_rounds': 6, 'learning_rate': 2e-3, 'val_rounds': 10,
+}  # fmt: skip
+HEADS = ('pseudo boxes', 'right', 'hidden')
+
+
+class Rule(NamedTuple):
+    """How labels are made: fields of the label maker that differ, and whether scenes are seen twice."""
+
+    fields: Mapping[str, Any]
+    mirror: bool = True
+
+
+RULES = {
+    'groups of regions, best 40 % of each class': Rule({'teacher': None}, mirror=False),
+    'the same, confirmed in the mirrored scene': Rule({'teacher': None}),
+    'predicted boxes': Rule({'teacher': {'recognised': 0.0}}, mirror=False),
+    'predicted boxes, confirmed in the mirrored scene': Rule({'teacher': {'recognised': 0.0}}),
+    'the same, of classes whose annotated objects are recognised': Rule({'teacher': {}}),
+    'the same, from half of the usual score on': Rule({'teacher': {'share': 0.5}}),
+}
+
+
+class BoxCounts(NamedTuple):
+    """Of one rule, class and seed.
+
+    Attributes:
+        pseudo: Pseudo boxes.
+        right: Those that overlap a hidden box of the class by .25 or more, from above; each hidden box counts once.
+        hidden: Boxes that the budget hides.
+    """
+
+    seed: int
+    rule: str
+    name: str
+    pseudo: int
+    right: int
+    hidden: int
+
+
+def trained_row(request: Request) -> Row:
+    """What is trained: on the demo's streets, or on the folder of KITTI that ``data_root`` names."""
+    if request.data_root is None:
+        return Row('labelled boxes alone', ALONE)
+    return Row('labelled boxes alone', ALONE, {**SMALL, 'data_root': str(request.data_root)}, train=())
+
+
+def pseudo_box_table(request: Request, commands: Commands | None = None) -> FilledTable:
+    """Train on annotated boxes alone, then make the labels of round 1 by every rule, and count.
+
+    Args:
+        request: Its ``options`` are those of the training, its ``seed`` draws the budget.
+        commands: What trains.
+
+    Raises:
+        ConfigError: The run failed.
+    """
+    row = trained_row(request)
+    run_rows([row], replace(request, seeds=(request.seed,)), commands)
+    folder = run_folder(request.out, row, request.seed)
+    return fill_counts(list(count_rules(folder, request.seed)))
+
+
+def count_rules(folder: Path, seed: int) -> Iterator[BoxCounts]:
+    """Counts of every rule and class, from the last network of a run."""
+    network = load_network(list(checkpoints(folder).values())[-1])
+    dataset = DATASETS.build(network.config.label_dataloader.dataset)
+    network.model.predict_points = True
+    seen: dict[bool, list[tuple[str, PointPrediction]]] = {}
+    for name, rule in RULES.items():
+        if rule.mirror not in seen:
+            batches = (pseudo_collate([dataset[index]]) for index in range(len(dataset)))
+            seen[rule.mirror] = [
+                scene for batch in batches for scene in predict_scenes(network.model, batch, rule.mirror)
+            ]
+        for kind, boxes in summary_of_rule(network, folder, rule, seen[rule.mirror])['boxes'].items():
+            hidden = boxes['true'] - boxes['annotated']
+            yield BoxCounts(seed, name, kind, boxes['pseudo'], boxes['correct'], hidden)
+
+
+def summary_of_rule(
+    network: TrainedNetwork, folder: Path, rule: Rule, seen: Sequence[tuple[str, PointPrediction]]
+) -> dict[str, Any]:
+    """What the label maker says of the labels of round 1; nothing of the run is changed."""
+    (hook,) = label_hooks(network.config, 'there are no labels to make')
+    with tempfile.TemporaryDirectory() as store:
+        maker: LabelMaker = TASK_UTILS.build({**hook.label_maker, 'store': store, **rule.fields})
+        maker.source.open(folder / 'labels', resume=True)
+        maker.make_first_labels()
+        maker.store.finish_round(0)
+        maker.begin(1)
+        maker.refresh_all(1, iter(seen))
+        return maker.evaluate(1)
+
+
+def fill_counts(counts: Sequence[BoxCounts]) -> FilledTable:
+    """A row a rule, three columns a class."""
+    names = list(dict.fromkeys(count.name for count in counts))
+    rows = []
+    for rule in dict.fromkeys(count.rule for count in counts):
+        own = {count.name: count for count in counts if count.rule == rule}
+        cells = (Cell(str(value), (value,)) for name in names for value in own[name][3:])
+        rows.append(NamedRow(rule, tuple(cells)))
+    heads = tuple(f'{name}: {what}' for name in names for what in HEADS)
+    section = Section('', ('labels of round 1', *heads), tuple(rows))
+    return FilledTable(
+        title='Pseudo boxes by rule, from one network that learnt the annotated boxes alone',
+        notes=('Right: overlap from above of at least .25 with a hidden box of the class, each hidden box once.',),
+        sections=(section,),
+        records=tuple(count._asdict() for count in counts),
+        figure=lambda: bar_figure([section], len(heads), 'boxes'),
+    )

@@ -1,0 +1,216 @@
+"""Pseudo boxes from the boxes that the network predicts: what speaks against each, and which are good enough.
+
+A predicted box has to pass what is known of its class (size), of the scene (ground, annotated boxes, other boxes), and
+of the network: what a good score is, the annotated objects tell, class by class, since the network was shown them; and
+not more boxes pass than there seem to be objects. Between the two limits of a class nothing is said of a place (as in
+HINTED, CVPR 2024). Nothing is kept from round to round, so a label may fall again.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rm3d_plugin.ops.boxes import points_in_boxes, rotated_iou_bev
+from rm3d_plugin.pseudo_labels.detection.boxes import has_usual_size, suppress
+from rm3d_plugin.pseudo_labels.detection.objects import Objects
+from rm3d_plugin.pseudo_labels.detection.rules import TeacherRules
+from rm3d_plugin.structures import Boxes3D
+
+IGNORED_MARGIN = 0.2  # m around a doubtful box in which nothing is said
+FOUND_IOU = 0.25  # overlap from above from which a predicted box is that of an annotated object
+
+
+class BoxLimits(NamedTuple):
+    """What scores mean, class by class.
+
+    Attributes:
+        accept: (C,) score from which a candidate is a pseudo box.
+        ignore: (C,) score under which its place may be background; in between nothing is said.
+        expected: (C,) objects without an annotated box that all scenes seem to hold.
+    """
+
+    accept: Float[np.ndarray, ' classes']
+    ignore: Float[np.ndarray, ' classes']
+    expected: Float[np.ndarray, ' classes']
+
+
+class Shown(NamedTuple):
+    """What the network says of annotated objects.
+
+    Attributes:
+        labels: (K,) int64 their classes.
+        scores: (K,) of the best predicted box of the class in their place, 0 = none.
+        probs: (K,) mean probability of their points for the class.
+    """
+
+    labels: Int[np.ndarray, ' objects']
+    scores: Float[np.ndarray, ' objects']
+    probs: Float[np.ndarray, ' objects']
+
+
+class Candidates(NamedTuple):
+    """Predicted boxes of a scene that may be objects.
+
+    Attributes:
+        boxes: With scores, none in the place of another or of an annotated one.
+        steps: As :class:`~rm3d_plugin.pseudo_labels.detection.objects.Objects` has them.
+        shown: What the network says of the scene's annotated objects.
+    """
+
+    boxes: Boxes3D
+    steps: dict[str, Int[np.ndarray, ' classes']]
+    shown: Shown
+
+
+def teacher_candidates(
+    xyz: Float[np.ndarray, 'points 3'],
+    background: Bool[np.ndarray, ' points'],
+    predicted: Boxes3D,
+    shown: Shown,
+    annotated: Boxes3D,
+    ranges: Float[np.ndarray, 'classes 2 3'],
+    rules: TeacherRules,
+) -> Candidates:
+    """Predicted boxes that have the size of their class, their place to themselves, and points.
+
+    Args:
+        xyz: Points, metres.
+        background: Points that are background whatever the network says.
+        predicted: Boxes with scores.
+        shown: From :func:`ask_annotated`; handed on.
+        annotated: Annotated boxes; these always win.
+        ranges: Sizes, see :func:`~rm3d_plugin.pseudo_labels.detection.boxes.size_ranges`; NaN: the class gets no box.
+        rules: Thresholds.
+    """
+    steps = {'found': np.bincount(predicted.labels, minlength=len(ranges))}
+
+    def left(boxes: Boxes3D, good: np.ndarray, step: str) -> Boxes3D:
+        steps[step] = np.bincount(boxes.labels[~good], minlength=len(ranges))
+        return boxes.select(good)
+
+    boxes = left(predicted, has_usual_size(predicted, ranges, rules.size_ratio), 'size')
+    assert boxes.scores is not None
+    alone = suppress(boxes, boxes.scores, annotated, rules.max_iou) == np.arange(len(boxes))
+    boxes = left(boxes, alone, 'collision')
+    inside = points_in_boxes(xyz[~background], boxes.tensor)
+    held = np.bincount(inside[inside >= 0], minlength=len(boxes))
+    return Candidates(left(boxes, held >= rules.min_points, 'points'), steps, shown)
+
+
+def ask_annotated(
+    annotated: Boxes3D,
+    instance: Int[np.ndarray, ' points'],
+    predicted: Boxes3D,
+    probabilities: Float[np.ndarray, 'points classes'] | None,
+) -> Shown:
+    """What the network says of the annotated objects of a scene.
+
+    Args:
+        annotated: Their boxes.
+        instance: Row of ``annotated`` of each point, -1 = none.
+        predicted: Boxes with scores.
+        probabilities: Softmax of the points, NaN where the network saw none; None: it saw none at all.
+    """
+    labels = annotated.labels
+    assert predicted.scores is not None
+    if not len(annotated):
+        return Shown(labels, np.zeros(0), np.zeros(0))
+    overlap = rotated_iou_bev(annotated.tensor, predicted.tensor)
+    same = (labels[:, None] == predicted.labels[None]) & (overlap >= FOUND_IOU)
+    scores = np.where(same, predicted.scores[None], 0.0).max(axis=1, initial=0.0)
+    probs = np.zeros(len(labels))
+    for row, label in enumerate(labels.tolist()):
+        own = np.zeros(0) if probabilities is None else probabilities[instance == row, label]
+        probs[row] = own[np.isfinite(own)].mean() if np.isfinite(own).any() else 0.0
+    return Shown(labels, scores, probs)
+
+
+def joined_shown(parts: Sequence[Shown]) -> Shown:
+    """Those of all scenes."""
+    empty = Shown(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
+    return Shown(*(np.concatenate(column) for column in zip(empty, *parts, strict=True)))
+
+
+def lower_mean(scores: Float[np.ndarray, ' scores']) -> float:
+    """Mean of the lower part where scores fall into two: the split of least squares (k-means, k = 2); 0 for no two.
+
+    >>> lower_mean(np.array([0.1, 0.2, 0.8, 0.9]))
+    0.15
+    """
+    ordered = np.sort(scores)
+    if len(ordered) < 2:
+        return 0.0
+    below = np.arange(1, len(ordered))
+    sums = np.cumsum(ordered)[:-1]
+    low, high = sums / below, (ordered.sum() - sums) / (len(ordered) - below)
+    spread = below * (len(ordered) - below) * (high - low) ** 2
+    return float(round(low[int(spread.argmax())], 12))
+
+
+def box_limits(
+    found: Boxes3D,
+    shown: Shown,
+    num_classes: int,
+    rules: TeacherRules,
+    scenes_ratio: float = 1.0,
+    whole_scenes: Float[np.ndarray, ' classes'] | None = None,
+) -> BoxLimits:
+    """Limits of each class from the scores of the candidates of all scenes.
+
+    A box counts as much of an object as its score is of the median score of annotated objects, 1 at most; as many
+    objects are expected as the candidates above the lower part of the scores add up to, where nobody labelled whole
+    scenes. The best are accepted, no more than are expected, from a share of that median on.
+
+    Args:
+        found: Candidates with scores.
+        shown: What the network says of annotated objects.
+        num_classes: C.
+        rules: ``share`` and ``recognised`` are asked.
+        scenes_ratio: All scenes, over those that the candidates are of.
+        whole_scenes: (C,) objects that completely labelled scenes let expect in the others, or None.
+
+    Returns:
+        A class without annotated objects, or whose annotated objects the network does not recognise, accepts nothing
+        (infinity).
+    """
+    assert found.scores is not None
+    accept, ignore, expected = np.full(num_classes, np.inf), np.zeros(num_classes), np.zeros(num_classes)
+    for c in range(num_classes):
+        scores, own = np.sort(found.scores[found.labels == c])[::-1], shown.labels == c
+        usual = float(np.median(shown.scores[own])) if own.any() else 0.0
+        ignore[c] = min(lower_mean(scores), rules.share * usual)
+        worth = np.minimum(scores[scores > ignore[c]] / max(usual, 1e-9), 1.0)
+        expected[c] = scenes_ratio * worth.sum() if whole_scenes is None else whole_scenes[c]
+        best = scores[: int(np.ceil(expected[c] / scenes_ratio))]
+        if usual > 0 and len(best) and np.median(shown.probs[own]) >= rules.recognised:
+            accept[c] = max(rules.share * usual, float(best[-1]))
+    return BoxLimits(accept, ignore, expected)
+
+
+def expected_from_whole(
+    counts: Sequence[Int[np.ndarray, ' classes']], others: int
+) -> Float[np.ndarray, ' classes'] | None:
+    """Objects to expect in other scenes from counts in completely labelled ones; None where there is no such scene."""
+    return np.mean(counts, axis=0) * others if len(counts) else None
+
+
+def teacher_objects(
+    xyz: Float[np.ndarray, 'points 3'], candidates: Candidates, limits: BoxLimits, num_classes: int
+) -> Objects:
+    """The accepted boxes, and the points of which nothing is said: in a doubtful box and in no accepted one."""
+    boxes = candidates.boxes
+    assert boxes.scores is not None
+    good = boxes.scores >= limits.accept[boxes.labels]
+    doubtful = ~good & (boxes.scores >= limits.ignore[boxes.labels])
+    accepted = boxes.select(good)
+    point_box = points_in_boxes(xyz, accepted.tensor)
+    unsure = points_in_boxes(xyz, boxes.tensor[doubtful], margin=IGNORED_MARGIN) >= 0
+    unknown = np.isinf(limits.accept[boxes.labels])
+    why = {'unrecognised': unknown, 'doubt': doubtful & ~unknown, 'score': ~good & ~doubtful & ~unknown}
+    steps = candidates.steps | {
+        step: np.bincount(boxes.labels[lost], minlength=num_classes) for step, lost in why.items()
+    }
+    counts = {'pseudo_boxes': float(len(accepted)), 'doubtful_boxes': float(doubtful.sum())}
+    return Objects(accepted, point_box, unsure & (point_box < 0), counts, boxes, steps)

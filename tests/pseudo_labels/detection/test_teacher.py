@@ -1,0 +1,142 @@
+"""Predicted boxes that become pseudo boxes: limits and steps by hand."""
+
+import numpy as np
+import pytest
+
+from rm3d_plugin.pseudo_labels import TeacherRules
+from rm3d_plugin.pseudo_labels.detection.boxes import has_usual_size, size_ranges
+from rm3d_plugin.pseudo_labels.detection.teacher import (
+    BoxLimits,
+    Shown,
+    ask_annotated,
+    box_limits,
+    expected_from_whole,
+    joined_shown,
+    lower_mean,
+    teacher_candidates,
+    teacher_objects,
+)
+from rm3d_plugin.structures import Boxes3D
+
+SIZES = np.repeat([[[4.0, 2.0, 1.5]], [[0.8, 0.6, 1.8]]], 2, axis=1)
+NOTHING = joined_shown([])
+
+
+def boxes(rows, labels, scores):
+    return Boxes3D(np.array(rows, dtype=float).reshape(-1, 7), np.array(labels), np.array(scores, dtype=float))
+
+
+def car(x, y=0.0, length=4.0):
+    return [x, y, 0.75, length, 2.0, 1.5, 0.0]
+
+
+def cloud_in(rows, each=8):
+    """Points of each box, on a line through its middle."""
+    along = np.linspace(-0.3, 0.3, each)
+    return np.concatenate([np.c_[row[0] + along, np.full(each, row[1]), np.full(each, row[2])] for row in rows])
+
+
+def slow_lower_mean(scores):
+    """All splits, one by one."""
+    s = sorted(scores)
+    cost = [np.var(s[:k]) * k + np.var(s[k:]) * (len(s) - k) for k in range(1, len(s))]
+    return float(np.mean(s[: int(np.argmin(cost)) + 1]))
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_scores_fall_into_two_where_the_squares_are_least(seed):
+    scores = np.random.default_rng(seed).beta(0.5, 0.7, size=17)
+    assert lower_mean(scores) == pytest.approx(slow_lower_mean(scores))
+    assert lower_mean(scores[:1]) == 0.0 and lower_mean(scores[:0]) == 0.0
+
+
+def test_each_step_says_what_it_cost():
+    given = [car(10), car(10.5), car(20), car(30, length=7.0), car(40), car(50)]
+    xyz = np.concatenate([cloud_in([given[0], given[2], given[3], given[5]]), cloud_in([given[4]], each=3)])
+    background = np.zeros(len(xyz), dtype=bool)
+    background[-11:-3] = True  # the points in the box at 50
+    predicted = boxes(given, [0] * 6, [0.9, 0.8, 0.7, 0.6, 0.5, 0.4])
+    known = boxes([car(20.2)], [0], [1.0])
+    got = teacher_candidates(xyz, background, predicted, NOTHING, known, SIZES, TeacherRules())
+    assert got.boxes.tensor[:, 0].tolist() == [10.0]
+    cost = {'found': 6, 'size': 1, 'points': 2, 'collision': 2}  # a second box at 10, and the annotated one at 20
+    assert {step: lost.tolist() for step, lost in got.steps.items()} == {step: [n, 0] for step, n in cost.items()}
+
+
+def test_sizes_may_leave_the_range_of_annotated_boxes_by_a_factor():
+    known = np.array(
+        [[*car(0)[:3], 2.0, 4.0, 1.5, 0.1], car(0, length=6.0)]
+    )  # which side is the length is yaw's matter
+    ranges = size_ranges(known, np.zeros(2, int), np.array([[np.nan] * 3, [0.8, 0.6, 1.8], [np.nan] * 3]))
+    assert ranges[0].tolist() == [[4.0, 2.0, 1.5], [6.0, 2.0, 1.5]]
+    assert ranges[1].tolist() == [[0.8, 0.6, 1.8]] * 2 and np.isnan(ranges[2]).all()
+    given = boxes([car(0, length=size) for size in (2.6, 2.7, 8.9, 9.1)], [0] * 4, [1] * 4)
+    assert has_usual_size(given, ranges, 1.5).tolist() == [False, True, True, False]
+    assert not has_usual_size(boxes([car(0)], [2], [1]), ranges, 1.5).any()
+
+
+def test_annotated_objects_tell_what_a_good_score_is():
+    known = boxes([car(10), car(30)], [0, 0], [1, 1])
+    predicted = boxes([car(10.2), car(9.8), car(30.0), car(30.0)], [0, 0, 1, 0], [0.5, 0.6, 0.9, 0.0])
+    instance = np.array([0, 0, 1, -1])
+    probabilities = np.array([[0.8, 0.1, 0.1], [np.nan] * 3, [0.3, 0.2, 0.5], [0.0, 0.0, 1.0]])
+    got = ask_annotated(known, instance, predicted, probabilities)
+    assert got.labels.tolist() == [0, 0] and got.scores.tolist() == [0.6, 0.0]  # the one at 30 is of another class
+    assert got.probs.tolist() == [0.8, 0.3]
+    unseen = ask_annotated(known, instance, Boxes3D.empty(), None)
+    assert unseen.scores.tolist() == [0, 0] and unseen.probs.tolist() == [0, 0]
+
+
+def test_limits_by_hand():
+    scores = [0.9, 0.6, 0.3, 0.2, 0.1, 0.1]
+    found = boxes([car(10 * i) for i in range(6)], [0] * 6, scores)
+    shown = Shown(np.array([0, 0, 0, 1]), np.array([0.5, 0.6, 0.7, 0.4]), np.array([0.9, 0.8, 0.2, 0.9]))
+    got = box_limits(found, shown, 2, TeacherRules(share=0.5))
+    low = np.mean([0.3, 0.2, 0.1, 0.1])
+    assert got.ignore[0] == pytest.approx(low)
+    assert got.expected[0] == pytest.approx(1 + 1 + 0.5 + 1 / 3)  # 0.9 counts one object, 0.3 half a one
+    assert got.accept[0] == pytest.approx(0.3)  # three boxes at most: half of 0.6 is as much
+    assert np.isinf(got.accept[1]) and got.expected[1] == 0  # no candidate
+    few = box_limits(found, shown, 2, TeacherRules(share=0.5), whole_scenes=np.array([2.0, 0.0]))
+    assert few.accept[0] == pytest.approx(0.6) and few.expected.tolist() == [2.0, 0.0]
+
+
+def test_a_class_that_the_network_does_not_recognise_waits():
+    found = boxes([car(0)], [0], [0.9])
+    shown = Shown(np.array([0]), np.array([0.9]), np.array([0.3]))
+    assert np.isinf(box_limits(found, shown, 1, TeacherRules()).accept[0])
+    assert box_limits(found, shown, 1, TeacherRules(recognised=0.0)).accept[0] == pytest.approx(0.9)
+    assert np.isinf(box_limits(found, NOTHING, 1, TeacherRules(recognised=0.0)).accept[0])  # nothing is annotated
+
+
+def test_candidates_of_some_scenes_speak_for_all():
+    found, shown = boxes([car(0), car(9)], [0, 0], [0.8, 0.8]), Shown(np.zeros(1, int), np.array([0.8]), np.ones(1))
+    got = box_limits(found, shown, 1, TeacherRules(), scenes_ratio=3.0)
+    assert got.expected[0] == pytest.approx(6.0) and got.accept[0] == pytest.approx(0.8)
+    assert expected_from_whole([np.array([2, 0]), np.array([4, 1])], 10).tolist() == [30.0, 5.0]
+    assert expected_from_whole([], 10) is None
+
+
+def test_nothing_is_said_of_a_doubtful_place():
+    rows = [car(10), car(20), car(30)]
+    xyz = np.concatenate([cloud_in(rows), [[22.1, 0.0, 0.75]]])  # the last: 10 cm before the doubtful box
+    found = teacher_candidates(
+        xyz, np.zeros(len(xyz), dtype=bool), boxes(rows, [0] * 3, [0.9, 0.5, 0.1]), NOTHING, Boxes3D.empty(), SIZES,
+        TeacherRules(),
+    )  # fmt: skip
+    limits = BoxLimits(np.array([0.8, np.inf]), np.array([0.3, 0.3]), np.ones(2))
+    got = teacher_objects(xyz, found, limits, 2)
+    assert got.boxes.tensor[:, 0].tolist() == [10.0]
+    assert got.point_box.tolist() == [0] * 8 + [-1] * 17
+    assert got.rejected.tolist() == [False] * 8 + [True] * 8 + [False] * 8 + [True]
+    assert got.steps['doubt'].tolist() == [1, 0] and got.steps['score'].tolist() == [1, 0]
+    waiting = teacher_objects(xyz, found, limits._replace(accept=np.full(2, np.inf)), 2)
+    assert len(waiting.boxes) == 0 and waiting.steps['unrecognised'].tolist() == [3, 0]
+
+
+@pytest.mark.parametrize(
+    ('field', 'value'), [('share', 0.0), ('recognised', 1.5), ('size_ratio', 0.9), ('min_points', 0), ('background', 0)]
+)
+def test_rules_name_the_field(field, value):
+    with pytest.raises(ValueError, match=f'TeacherRules.{field}'):
+        TeacherRules(**{field: value})
