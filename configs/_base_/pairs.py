@@ -61,6 +61,8 @@ blocks = 1
 channels = 32  # values of a descriptor
 backbone = dict(type='SparseUNet', voxel_size=1.0, widths='${widths}', blocks='${blocks}', map_cache=0)
 
+load_from = None  # checkpoint whose weights of the same names and shapes are the start, of another descriptor too
+
 # --- Schedule
 rounds = 1
 sigma = 100  # epochs

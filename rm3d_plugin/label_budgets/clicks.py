@@ -113,12 +113,14 @@ def point_numbers(
     Raises:
         BudgetError: A click is on no point.
     """
+    count = len(cloud) if rows is None else len(rows)
+    for click in clicks:  # before they become numbers of 64 bits
+        if click.index is not None and not 0 <= click.index < count:
+            raise BudgetError(
+                f'{click.where}: scene {click.scene} has the points 0..{count - 1}, got index {click.index}'
+            )
     index = np.array([-1 if click.index is None else click.index for click in clicks], dtype=np.int64)
     by_number = np.array([click.index is not None for click in clicks], dtype=np.bool_)
-    count = len(cloud) if rows is None else len(rows)
-    for wrong in np.flatnonzero(by_number & ((index < 0) | (index >= count)))[:1]:
-        click = clicks[int(wrong)]
-        raise BudgetError(f'{click.where}: scene {click.scene} has the points 0..{count - 1}, got index {click.index}')
     found = np.array(index if rows is None else np.where(by_number, rows[index], -1))
     placed = np.flatnonzero([click.xyz is not None for click in clicks])
     if len(placed):

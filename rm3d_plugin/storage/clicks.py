@@ -7,6 +7,7 @@ from typing import Any
 
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
+LARGEST = 2**62  # of a number in a file
 COLUMNS = ('scene', 'index', 'x', 'y', 'z', 'class', 'instance')
 DECIMALS = 4  # of a metre: 0.1 mm
 Line = tuple[str, Mapping[str, Any]]  # file and line for error messages; field -> text or number
@@ -123,7 +124,7 @@ def _number(where: str, name: str, text: str, kind: Callable[[str], float]) -> f
         value = kind(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not -LARGEST <= value <= LARGEST:  # NaN compares as False
         raise ClickFileError(f'{where}: {name}: expected a {"whole " * (kind is int)}number, got {text!r}')
     return value
 
@@ -136,6 +137,6 @@ def class_number(where: str, text: str, classes: Sequence[str]) -> int:
     """
     if text in classes:
         return list(classes).index(text)
-    if text.isdigit() and int(text) < len(classes):
+    if text.isdecimal() and len(text) < 9 and int(text) < len(classes):
         return int(text)
     raise ClickFileError(f'{where}: class: expected one of {", ".join(classes)} or 0..{len(classes) - 1}, got {text!r}')

@@ -33,6 +33,7 @@ TINY = {
     'widths': [8, 12],
     'blocks': 1,
     'crop_points': 1500,
+    'descriptor.radius': 0.3,  # m; toy rooms are thin
     'batch_size': 1,
     'budget': '20pts',
     'rounds': 2,

@@ -13,10 +13,24 @@ from rm3d_plugin.registry import DATASETS, HOOKS, MODELS
 from rm3d_plugin.registry import DESCRIPTORS as PROVIDERS
 
 EACH = pytest.mark.parametrize('path', DESCRIPTORS, ids=lambda path: path.stem)
+LABELLED = [path for path in DESCRIPTORS if path.stem.startswith('superpoint')]
+PAIRS = [path for path in DESCRIPTORS if path not in LABELLED]
 ALSO = {'streets_root', 'more_demo_data'}  # data of the second kind of scenes
 
 
-@EACH
+@pytest.mark.parametrize('path', LABELLED, ids=lambda path: path.stem)
+def test_superpoints_learn_from_the_label_store(path, tmp_path):
+    config = load_config(path, tmp_path / 'run')
+    network = MODELS.build(config.model)
+    assert type(network).__name__ == 'DescriptorNetwork' and list(network.losses) == ['GraphContrast']
+    assert type(network.backbone).__name__ == PROVIDERS.get('SupervisedSuperpoint').backbone_type
+    dataset = DATASETS.build(config.train_dataloader.dataset)
+    assert dataset.labels == 'store' and type(dataset.pipeline[-2]).__name__ == 'ObjectSites'
+    assert config.label_maker.instances and config.val_dataloader is None
+    assert {hook.type for hook in config.custom_hooks} >= {'RegionMergeHook', 'DescriptorWeightsHook'}
+
+
+@pytest.mark.parametrize('path', PAIRS, ids=lambda path: path.stem)
 def test_a_config_builds_its_network_its_data_and_its_hooks(path, tmp_path):
     config = load_config(path, tmp_path / 'run', options={'data_root': str(tmp_path / 'nothing')})
     network = MODELS.build(config.model)

@@ -191,3 +191,9 @@ def test_scene_lists(tmp_path):
         read_scene_list(write(tmp_path / 'empty.txt', '\n'))
     with pytest.raises(BudgetError, match='no such list of scenes'):
         read_scene_list(tmp_path / 'none.txt')
+
+
+@pytest.mark.parametrize('index', [5, -1, 10**30])
+def test_a_click_on_no_point(index):
+    with pytest.raises(BudgetError, match=rf'line 1: scene s has the points 0\.\.4, got index {index}$'):
+        resolve_clicks([click(0), click(index)], CLOUD)

@@ -237,7 +237,7 @@ def without_shape_checks():
 
 def written_damaged(path, good, rng):
     """Damage the bytes, or what they say."""
-    if path.suffix == '.json' and rng.random() < 0.6:
+    if path.suffix == '.json' and path.parent.name != 'vis_data' and rng.random() < 0.6:  # that one has many values
         path.write_text(json.dumps(damaged_value(json.loads(good), rng)))
     elif path.suffix == '.npz' and path.stem != 'key' and rng.random() < 0.6:  # the cache trusts its hash
         path.write_bytes(good)

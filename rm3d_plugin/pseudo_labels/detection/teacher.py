@@ -155,13 +155,13 @@ def box_limits(
     num_classes: int,
     rules: TeacherRules,
     scenes_ratio: float = 1.0,
-    whole_scenes: Float[np.ndarray, ' classes'] | None = None,
+    expected: Float[np.ndarray, ' classes'] | None = None,
 ) -> BoxLimits:
     """Limits of each class from the scores of the candidates of all scenes.
 
-    A box counts as much of an object as its score is of the median score of annotated objects, 1 at most; as many
-    objects are expected as the candidates above the lower part of the scores add up to, where nobody labelled whole
-    scenes. The best are accepted, no more than are expected, from a share of that median on.
+    A box is an object with a probability of about (its score over the median score of annotated objects)^2, 1 at most
+    (counted on real street frames: docs/RESULTS.md). As many objects are expected as these add up to, where nothing else
+    tells the number. The best are accepted, no more than are expected, from a share of that median on.
 
     Args:
         found: Candidates with scores.
@@ -169,24 +169,25 @@ def box_limits(
         num_classes: C.
         rules: ``share`` and ``recognised`` are asked.
         scenes_ratio: All scenes, over those that the candidates are of.
-        whole_scenes: (C,) objects that completely labelled scenes let expect in the others, or None.
+        expected: (C,) objects in all scenes, as completely labelled scenes or an earlier round tell, or None. A network
+            that learnt from pseudo boxes confirms them, so it cannot tell their number.
 
     Returns:
         A class without annotated objects, or whose annotated objects the network does not recognise, accepts nothing
         (infinity).
     """
     assert found.scores is not None
-    accept, ignore, expected = np.full(num_classes, np.inf), np.zeros(num_classes), np.zeros(num_classes)
+    accept, ignore, number = np.full(num_classes, np.inf), np.zeros(num_classes), np.zeros(num_classes)
     for c in range(num_classes):
         scores, own = np.sort(found.scores[found.labels == c])[::-1], shown.labels == c
         usual = float(np.median(shown.scores[own])) if own.any() else 0.0
         ignore[c] = min(lower_mean(scores), rules.share * usual)
-        worth = np.minimum(scores[scores > ignore[c]] / max(usual, 1e-9), 1.0)
-        expected[c] = scenes_ratio * worth.sum() if whole_scenes is None else whole_scenes[c]
-        best = scores[: int(np.ceil(expected[c] / scenes_ratio))]
+        worth = np.minimum(scores / max(usual, 1e-9), 1.0) ** 2
+        number[c] = scenes_ratio * worth.sum() if expected is None else expected[c]
+        best = scores[: int(np.ceil(number[c] / scenes_ratio))]
         if usual > 0 and len(best) and np.median(shown.probs[own]) >= rules.recognised:
             accept[c] = max(rules.share * usual, float(best[-1]))
-    return BoxLimits(accept, ignore, expected)
+    return BoxLimits(accept, ignore, number)
 
 
 def expected_from_whole(

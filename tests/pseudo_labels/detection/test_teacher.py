@@ -92,12 +92,11 @@ def test_limits_by_hand():
     found = boxes([car(10 * i) for i in range(6)], [0] * 6, scores)
     shown = Shown(np.array([0, 0, 0, 1]), np.array([0.5, 0.6, 0.7, 0.4]), np.array([0.9, 0.8, 0.2, 0.9]))
     got = box_limits(found, shown, 2, TeacherRules(share=0.5))
-    low = np.mean([0.3, 0.2, 0.1, 0.1])
-    assert got.ignore[0] == pytest.approx(low)
-    assert got.expected[0] == pytest.approx(1 + 1 + 0.5 + 1 / 3)  # 0.9 counts one object, 0.3 half a one
+    assert got.ignore[0] == pytest.approx(np.mean([0.3, 0.2, 0.1, 0.1]))
+    assert got.expected[0] == pytest.approx(1 + 1 + 1 / 4 + 1 / 9 + 2 / 36)  # 0.9 is an object, 0.3 with one in four
     assert got.accept[0] == pytest.approx(0.3)  # three boxes at most: half of 0.6 is as much
     assert np.isinf(got.accept[1]) and got.expected[1] == 0  # no candidate
-    few = box_limits(found, shown, 2, TeacherRules(share=0.5), whole_scenes=np.array([2.0, 0.0]))
+    few = box_limits(found, shown, 2, TeacherRules(share=0.5), expected=np.array([2.0, 0.0]))
     assert few.accept[0] == pytest.approx(0.6) and few.expected.tolist() == [2.0, 0.0]
 
 
