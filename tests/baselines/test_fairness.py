@@ -42,7 +42,6 @@ TINY = {
     'cluster_points': 10,
     'min_proposal_points': 10,
     'threads': 1,
-    'descriptor.radius': 0.3,  # m; the toy room is sparse
 }
 
 
