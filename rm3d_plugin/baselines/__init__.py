@@ -13,6 +13,7 @@ from rm3d_plugin.baselines.labelled_only import LABELLED_ONLY
 from rm3d_plugin.baselines.otoc import OTOC
 from rm3d_plugin.baselines.pointcontrast import POINTCONTRAST
 from rm3d_plugin.baselines.psd import PSD
+from rm3d_plugin.baselines.redal import REDAL
 from rm3d_plugin.baselines.twist import TWIST
 from rm3d_plugin.baselines.viewpoint_bottleneck import VIEWPOINT_BOTTLENECK
 from rm3d_plugin.baselines.xu_lee import XU_LEE
@@ -25,6 +26,7 @@ METHODS = (  # by the year of their publication
     VIEWPOINT_BOTTLENECK,
     OTOC,
     PSD,
+    REDAL,
     GPC,
     TWIST,
     ERDA,
@@ -51,6 +53,7 @@ __all__ = [
     'OTOC',
     'POINTCONTRAST',
     'PSD',
+    'REDAL',
     'REFERENCES',
     'RM3D_CSC',
     'RM3D_ERDA',

@@ -14,20 +14,13 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.cluster.vq import kmeans2, whiten
 
 from rm3d_plugin.annotation.suggestions import Suggester
-from rm3d_plugin.ops.octree import Octree
+from rm3d_plugin.baselines.redal import CLUSTERS, DECAY, alike, class_entropy, surface_interest
 from rm3d_plugin.pseudo_labels.propagation.live import LiveAnswer, LivePropagation
-from rm3d_plugin.structures import PointCloud
 
 SCORES = ('chance', 'ours', 'entropy', 'mixture', 'redal')
 Next = Callable[[LiveAnswer, Int[np.ndarray, ' clicked'], set[int]], int | None]
-NEIGHBORS = 50  # of a point, for gradient and variation; ReDAL
-GRADIENT, VARIATION = 0.1, 0.05  # weights beside the entropy's 1; ReDAL
-CLIPPED = 0.1  # greatest gradient and variation that count; ReDAL
-CLUSTERS, DECAY = 20, 0.95  # of alike regions, and what an earlier click in one leaves of a score; ReDAL's decay
-BLOCK = 20_000  # points whose neighbours are looked at together
 
 
 class ClickChooser:
@@ -54,8 +47,7 @@ class ClickChooser:
 
     @cached_property
     def _cluster(self) -> Int[np.ndarray, ' regions']:
-        rows = whiten(self._live.scene.scales[-1].features[self.suggester.regions].astype(np.float64) + 1e-9)
-        return kmeans2(rows, min(CLUSTERS, len(rows)), minit='++', rng=np.random.default_rng(0))[1]
+        return alike(self._live.scene.scales[-1].features[self.suggester.regions], np.random.default_rng(0))
 
     def by(self, name: str, seed: int) -> Next:
         """How the next point is chosen.
@@ -93,33 +85,11 @@ class ClickChooser:
     ) -> Float[np.ndarray, ' regions']:
         scale, regions = self._live.scene.scales[-1], self.suggester.regions
         if name == 'redal':
-            score = scale.mean(_entropy(answer.shares)[:, None])[regions, 0] + self._surface
+            score = scale.mean(class_entropy(answer.shares)[:, None])[regions, 0] + self._surface
             nearest = np.abs(regions[:, None] - scale.region[points]).argmin(axis=0)  # regions that stand for all
             return np.asarray(score * DECAY ** np.bincount(self._cluster[nearest], minlength=CLUSTERS)[self._cluster])
         named = answer.shares if name == 'entropy' else np.eye(answer.shares.shape[1])[answer.shares.argmax(axis=1)]
         return _entropy(scale.mean(named)[regions])
-
-
-def surface_interest(cloud: PointCloud) -> Float[np.ndarray, ' points']:
-    """ReDAL's part that needs no network: weighted colour gradient and surface variation of each point.
-
-    Args:
-        cloud: N points; without colours the gradient is 0.
-    """
-    tree, out = Octree(cloud.xyz), np.zeros(len(cloud))
-    count = min(NEIGHBORS, len(cloud))
-    for start in range(0, len(cloud), BLOCK):
-        rows = np.arange(start, min(start + BLOCK, len(cloud)))
-        near = tree.knn(cloud.xyz[rows], count).indices
-        apart = cloud.xyz[near].astype(np.float64)
-        apart -= apart.mean(axis=1, keepdims=True)
-        lengths = np.linalg.eigvalsh(np.einsum('nki,nkj->nij', apart, apart))
-        variation = np.maximum(lengths[:, 0], 0.0) / np.maximum(lengths.sum(axis=1), 1e-300)
-        out[rows] = VARIATION * np.minimum(variation, CLIPPED)
-        if cloud.colors is not None:
-            gradient = np.abs(cloud.colors[near].astype(np.float64) - cloud.colors[rows, None]).mean(axis=(1, 2))
-            out[rows] += GRADIENT * np.minimum(gradient, CLIPPED)
-    return out
 
 
 def _entropy(shares: Float[np.ndarray, 'rows classes']) -> Float[np.ndarray, ' rows']:

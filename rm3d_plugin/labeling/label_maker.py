@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 from mmengine.dist import all_gather_object, is_main_process
 from tqdm import tqdm
 
@@ -51,7 +50,7 @@ class LabelMaker(ABC):
         self.store = LabelStore(store)
         self.source: LabelSource = TASK_UTILS.build(source) if isinstance(source, Mapping) else source
         self.index_of = {scene: i for i, scene in enumerate(self.source.scene_ids)}
-        self.reads_features = False
+        self.reads_features = self.source.reads_features
 
     # ------------------------------------------------------------------ what a kind of label maker says
 
@@ -132,9 +131,9 @@ class LabelMaker(ABC):
             predictions: Of the scenes of this process.
         """
         checked = self.checked(predictions)
-        own = {scene: uncertainty(prediction.probabilities) for scene, prediction in checked}
-        scores = {scene: values for part in all_gather_object(own) for scene, values in part.items()}
-        self.source.extend(number, scores)
+        own = {scene: self.source.look(scene, prediction) for scene, prediction in checked}
+        seen = {scene: told for part in all_gather_object(own) for scene, told in part.items()}
+        self.source.extend(number, seen)
         self.forget()
 
     def refresh(self, number: int, scene_id: str, prediction: PointPrediction | None) -> None:
@@ -188,13 +187,3 @@ class LabelMaker(ABC):
         log(f'labels of round {number}: {describe_round(dict(summary))}')
         for line in box_warnings(summary) if number else ():
             log(f'labels of round {number}: warning: {line}')
-
-
-def uncertainty(probabilities: Float[np.ndarray, 'points classes']) -> Float[np.ndarray, ' points']:
-    """Entropy of each point's softmax over the largest there is, in [0, 1]; NaN where the network saw nothing.
-
-    >>> uncertainty(np.array([[0.5, 0.5], [1.0, 0.0], [np.nan, np.nan]])).round(2).tolist()
-    [1.0, 0.0, nan]
-    """
-    logs = np.log(np.maximum(probabilities, 1e-12))
-    return np.asarray(-(probabilities * logs).sum(axis=1) / np.log(max(probabilities.shape[1], 2)))

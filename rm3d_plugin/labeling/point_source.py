@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 from mmengine.dist import is_main_process
 from tqdm import tqdm
 
@@ -147,7 +147,7 @@ class PointBudgetSource(DatasetSource):
         """Whether clicks were added to the file."""
         return self._grown is not None
 
-    def extend(self, number: int, scores: Mapping[str, Float[np.ndarray, ' points']]) -> None:
+    def extend(self, number: int, seen: Mapping[str, Any]) -> None:
         """Show the clicks that were added."""
         assert self._grown is not None and self._file is not None, 'extend: no click was added'
         self._budget, self._grown = self._grown, None

@@ -47,7 +47,7 @@ class PredictedLabelMaker(LabelMaker):
     ) -> None:
         super().__init__(store, source)
         self.accept: Accept = TASK_UTILS.build(accept) if isinstance(accept, Mapping) else accept
-        self.reads_features = self.accept.reads_features
+        self.reads_features = self.accept.reads_features or self.source.reads_features
         self._permanent, self._spread = permanent, spread
         self._scenes = PreparedScenes(self._cloud, lambda scene_id: None, **geometry) if geometry else None
 

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -21,7 +21,7 @@ from rm3d_plugin.label_budgets import (
     load_box_budget,
     save_box_budget,
 )
-from rm3d_plugin.pseudo_labels import AnnotatedLabels
+from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
 from rm3d_plugin.registry import DATASETS, TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, PointCloud
 
@@ -33,8 +33,10 @@ class LabelSource(ABC):
         classes: Names of the classes, background left out.
         scene_ids: One name a scene.
         thing_classes: In segmentation, numbers of the classes that have instances.
+        reads_features: Whether :meth:`look` shall see the network's features.
     """
 
+    reads_features: ClassVar[bool] = False
     classes: Sequence[str]
     scene_ids: Sequence[str]
     thing_classes: Sequence[int] = ()
@@ -72,18 +74,38 @@ class LabelSource(ABC):
         """Whether more is to be annotated before the labels of a round (from 1) are made; costs one more prediction."""
         return self.grown
 
-    def extend(self, number: int, scores: Mapping[str, Float[np.ndarray, ' points']]) -> None:  # noqa: B027
+    def look(self, scene_id: str, prediction: PointPrediction) -> Any:
+        """What :meth:`extend` shall know of the prediction of a scene: how uncertain the network is of each point.
+
+        Args:
+            scene_id: Which scene.
+            prediction: Of its points; gone afterwards, so what is told should be small.
+        """
+        return uncertainty(prediction.probabilities)
+
+    def extend(self, number: int, seen: Mapping[str, Any]) -> None:  # noqa: B027
         """Annotate more, as in active learning, and keep it where :meth:`open` said.
 
-        Every process calls it with the same scores, and from then on :meth:`annotated_labels` shows the new labels too.
+        Every process calls it with the same arguments, and from then on :meth:`annotated_labels` shows the new labels
+        too. A run that was interrupted may call it once more for the same round.
 
         Args:
             number: The round whose labels are made next.
-            scores: For each scene how uncertain the network is of each point, in [0, 1]; NaN where it saw none.
+            seen: What :meth:`look` tells of each scene.
         """
 
     def open(self, folder: Path, resume: bool) -> None:  # noqa: B027  a source with fixed labels has nothing to keep
         """Draw what is annotated and keep it in ``folder``, or with ``resume`` take up what is kept there."""
+
+
+def uncertainty(probabilities: Float[np.ndarray, 'points classes']) -> Float[np.ndarray, ' points']:
+    """Entropy of each point's softmax over the largest there is, in [0, 1]; NaN where the network saw nothing.
+
+    >>> uncertainty(np.array([[0.5, 0.5], [1.0, 0.0], [np.nan, np.nan]])).round(2).tolist()
+    [1.0, 0.0, nan]
+    """
+    logs = np.log(np.maximum(probabilities, 1e-12))
+    return np.asarray(-(probabilities * logs).sum(axis=1) / np.log(max(probabilities.shape[1], 2)))
 
 
 class DatasetSource(LabelSource):

@@ -5,17 +5,11 @@ import pytest
 from reference.corner_scan import corner
 from scipy.spatial import cKDTree
 
+from rm3d_plugin.baselines.redal import surface_interest
+from rm3d_plugin.baselines.redal.score import CLIPPED, GRADIENT, NEIGHBORS, VARIATION
 from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan
 from rm3d_plugin.experiments.click_curves import NEAREST, OURS, Curve, clicks_to, curves_of
-from rm3d_plugin.experiments.next_click import (
-    CLIPPED,
-    GRADIENT,
-    NEIGHBORS,
-    SCORES,
-    VARIATION,
-    ClickChooser,
-    surface_interest,
-)
+from rm3d_plugin.experiments.next_click import SCORES, ClickChooser
 from rm3d_plugin.experiments.render import to_csv, to_markdown
 from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.experiments.tables import clicks_to_quality as table
@@ -68,7 +62,7 @@ def test_uncertain_regions_are_clicked(scan):
             ('mixture', np.bincount(said[inside], minlength=2) / inside.sum()),
         ):
             expected[name].append(-(shares * np.log2(np.maximum(shares, 1e-9))).sum())
-        expected['redal'].append((entropy + interest)[inside].mean())
+        expected['redal'].append((entropy / 2 + interest)[inside].mean())  # the mean over two classes
     for name in ('entropy', 'mixture'):
         np.testing.assert_allclose(chooser._scored(name, answer, clicked), expected[name], atol=1e-4)
         point = chooser.by(name, 0)(answer, clicked, set())

@@ -1,0 +1,21 @@
+# ReDAL: classes of points of ScanNet, from 0.2 % of the points; the network and schedule of rm3d_sem_scannet_0p2pct.
+# Run: rm3d train redal_sem_scannet_0p2pct [--demo]
+# Time: not measured.
+# Score on ScanNet: not measured (the data set is not part of the repository). On the demo: not measured.
+_base_ = '../_base_/scannet.py'
+budget = '0p2pct'
+label_refreshes = None
+propagate = False
+label_maker = dict(
+    source=dict(
+        type='RegionRoundsSource',
+        rounds='${label_refreshes}',
+        geometry=dict(
+            cache='${cache_dir}',
+            descriptor='${descriptor}',
+            oversegmenter='${oversegmenter}',
+            graph_neighbors='${graph_neighbors}',
+            max_gap='${max_gap}',
+        ),
+    )
+)
