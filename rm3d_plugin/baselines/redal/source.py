@@ -105,52 +105,67 @@ class RegionRoundsSource(PointBudgetSource):
         entropy = region_means(class_entropy(prediction.probabilities)[:, None], scene.regions)[:, 0]
         return RegionView(entropy + self._surface[scene_id], region_means(prediction.features, scene.regions))
 
-    def extend(self, number: int, seen: Mapping[str, Any]) -> None:
-        """Ask for the points of a round."""
-        before = load_point_budget(self._kept(number - 1))
-        self._budget = grown(before, self._truth_of, self.asked(number, before, seen))
+    def extend(self, number: int, seen: Mapping[str, RegionView]) -> None:
+        """Ask for the points of a round, and for others in place of those that have no class."""
+        rng = np.random.default_rng([self._seed, number])
+        clusters = alike(np.concatenate([seen[name].features for name in sorted(seen)]), rng)
+        budget = load_point_budget(self._kept(number - 1))
+        tried = {name: points.points for name, points in budget.annotated.items()}
+        while left := max(self.points_after(number) - budget.annotated_count, 0):
+            asked = self.asked(left, tried, seen, clusters, rng)
+            if not any(map(len, asked.values())):
+                break
+            budget = grown(budget, self._truth_of, asked)
+            tried = {name: np.union1d(rows, asked.get(name, rows[:0])) for name, rows in tried.items()}
+        self._budget = budget
         if is_main_process():
-            save_point_budget(self._kept(number), self._budget)
-            save_point_budget(self._kept(0).with_name('budget.json'), self._budget)
+            save_point_budget(self._kept(number), budget)
+            save_point_budget(self._kept(0).with_name('budget.json'), budget)
 
     def _truth_of(self, scene_id: str) -> Truth:
         truth: Truth = self.dataset.load_truth(self._index[scene_id])
         return truth
 
     def asked(
-        self, number: int, before: PointBudget, seen: Mapping[str, RegionView]
+        self,
+        count: int,
+        tried: Mapping[str, Int[np.ndarray, ' tried']],
+        seen: Mapping[str, RegionView],
+        clusters: Int[np.ndarray, ' regions'],
+        rng: np.random.Generator,
     ) -> dict[str, Int[np.ndarray, ' asked']]:
         """Points to ask for, scene by scene.
 
         Args:
-            number: The round.
-            before: What is annotated.
+            count: In all scenes.
+            tried: Scene -> points that are annotated, or that were asked for and have no class.
             seen: Regions of every scene.
+            clusters: Of the regions of all scenes, in the order of their names.
+            rng: Chooses the points.
         """
         names = sorted(seen)
-        counts = {name: self._counts(name, before) for name in names}
-        shown, free = np.concatenate([counts[name] for name in names], axis=1)
+        shown, free = np.concatenate([self._counts(name, tried[name]) for name in names], axis=1)
         scores = np.concatenate([seen[name].score for name in names])
-        rng = np.random.default_rng([self._seed, number])
-        clusters = alike(np.concatenate([seen[name].features for name in names]), rng)
-        wanted = self.points_after(number) - before.annotated_count
-        asked = asked_of_regions(scores, clusters, shown, free, wanted)
-        parts = np.split(asked, np.cumsum([len(seen[name].score) for name in names])[:-1])
-        return {name: self._points(name, before, own, rng) for name, own in zip(names, parts, strict=True)}
+        wanted = asked_of_regions(scores, clusters, shown, free, count)
+        parts = np.split(wanted, np.cumsum([len(seen[name].score) for name in names])[:-1])
+        return {name: self._points(name, tried[name], own, rng) for name, own in zip(names, parts, strict=True)}
 
-    def _counts(self, scene_id: str, before: PointBudget) -> Int[np.ndarray, '2 regions']:
-        """Points of each region that are annotated, and that are not."""
+    def _counts(self, scene_id: str, tried: Int[np.ndarray, ' tried']) -> Int[np.ndarray, '2 regions']:
+        """Points of each region that were tried, and that were not."""
         regions = self._scenes.get(scene_id).regions
-        shown = segment_sizes(regions.labels[before.annotated[scene_id].points], len(regions))
+        shown = segment_sizes(regions.labels[tried], len(regions))
         return np.stack([shown, segment_sizes(regions.labels, len(regions)) - shown])
 
     def _points(
-        self, scene_id: str, before: PointBudget, asked: Int[np.ndarray, ' regions'], rng: np.random.Generator
+        self,
+        scene_id: str,
+        tried: Int[np.ndarray, ' tried'],
+        wanted: Int[np.ndarray, ' regions'],
+        rng: np.random.Generator,
     ) -> Int[np.ndarray, ' asked']:
-        """So many points of each region, by chance, none of them annotated."""
+        """So many points of each region, by chance, none of them tried."""
         labels = self._scenes.get(scene_id).regions.labels
-        free = np.setdiff1d(np.flatnonzero(labels >= 0), before.annotated[scene_id].points)
-        order = rng.permutation(free)
+        order = rng.permutation(np.setdiff1d(np.flatnonzero(labels >= 0), tried))
         order = order[np.argsort(labels[order], kind='stable')]
         place = np.arange(len(order)) - np.searchsorted(labels[order], labels[order])
-        return np.sort(order[place < asked[labels[order]]])
+        return np.sort(order[place < wanted[labels[order]]])
