@@ -21,6 +21,7 @@ from rm3d_plugin.structures import LabelStatistics, SceneError, SceneSample
 
 
 class CountingLabelMaker:
+    mirror = False
     """Notes what it is asked to do, in order."""
 
     def __init__(self, finished: tuple[int, ...] = ()) -> None:
