@@ -21,8 +21,9 @@ from rm3d_plugin.structures import LabelStatistics, SceneError, SceneSample
 
 
 class CountingLabelMaker:
-    mirror = False
     """Notes what it is asked to do, in order."""
+
+    mirror = False
 
     def __init__(self, finished: tuple[int, ...] = ()) -> None:
         self.events: list[tuple[Any, ...]] = []
