@@ -6,7 +6,7 @@ STAMP := $(VENV)/.ready
 WORKERS ?= 2
 DEMO := rm3d_votenet_kitti_1pct
 
-.PHONY: setup demo annotate test fuzz faults mmdet3d lint types layers bench docs dist try-dist clean
+.PHONY: setup demo annotate test browser fuzz faults mmdet3d lint types layers bench docs dist try-dist clean
 
 setup: $(STAMP)
 
@@ -25,6 +25,10 @@ annotate: $(STAMP)
 # Two processes at a time: one has about 1.2 GB. WORKERS=0 is one process, in which a debugger works.
 test: $(STAMP)
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
+
+# rm3d annotate in Chromium (Debian: apt-get install chromium); its graphics are drawn by the processor here.
+browser: $(STAMP)
+	RM3D_BROWSER=1 $(BIN)/python -m pytest -q -s tests/annotation/test_browser.py
 
 fuzz: $(STAMP)
 	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py

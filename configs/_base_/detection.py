@@ -116,7 +116,8 @@ model = dict(
     fuse_iou=0.3,
 )
 
-iou_head = dict(type='BoxIoUHead')  # how well a box fits, which scores are multiplied by; None, with iou_loss=None: no
+iou_head = None  # '${box_iou_head}', with iou_loss='${box_overlap}': scores are multiplied by how well a box fits
+box_iou_head = dict(type='BoxIoUHead')
 
 # --- Losses (METHOD 7). One that is None is left out, and one of your own is a further entry.
 losses = [
@@ -141,7 +142,8 @@ point_loss = dict(
 aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
 dice_loss = dict(type='ProposalDice', loss=dict(type='DiceLoss'))
 scene_class_loss = dict(type='SceneClasses', num_classes='${num_classes}')
-iou_loss = dict(type='BoxOverlap')
+iou_loss = None
+box_overlap = dict(type='BoxOverlap')
 prototype_loss = None  # '${class_prototypes}': several prototypes a class, for the classes of points alone
 class_prototypes = dict(type='ClassPrototypes', num_classes='${num_classes}', channels='${widths[0]}')
 
@@ -149,8 +151,9 @@ class_prototypes = dict(type='ClassPrototypes', num_classes='${num_classes}', ch
 budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 graph_neighbors = 8
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it, and axis-aligned boxes
-mirror = True  # pseudo boxes are those that the network sees in the mirrored scene, too
-teacher = dict()  # boxes that the network predicts become pseudo boxes; None: groups of regions do, by `objects`
+mirror = False  # True: pseudo boxes are those that the network sees in the mirrored scene, too
+teacher = None  # '${predicted_boxes}': predicted boxes become pseudo boxes, in place of groups of regions by `objects`
+predicted_boxes = dict(share=0.7)
 self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
 label_maker = dict(
     type='DetectionLabelMaker',
@@ -168,6 +171,7 @@ label_maker = dict(
     objects='${objects}',
     self_training='${self_training}',
     teacher='${teacher}',
+    mirror='${mirror}',
 )
 custom_hooks = [
     dict(type='EpochSeedHook'),
@@ -178,7 +182,6 @@ custom_hooks = [
         warm_up_rounds='${warm_up_rounds}',
         dataloader='${label_dataloader}',
         label_maker='${label_maker}',
-        mirror='${mirror}',
     ),
     '${method_hook}',
     dict(type='SafeCheckpointHook'),

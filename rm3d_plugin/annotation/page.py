@@ -1,8 +1,9 @@
 """The page in a browser: a scan to look at and to click, its labels, and where the next click is worth most."""
 
+import contextlib
 import html
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -57,7 +58,7 @@ class AnnotationPage:
     def __init__(self, session: Session, out: Outputs, port: int = 8080) -> None:
         self.session, self._out, self._trains = session, out, out.train
         self._corners: list[tuple[Any, np.ndarray]] = []  # of a lasso: place in the picture, place in the scene
-        self._lock = threading.RLock()
+        self._lock, self._settling = threading.RLock(), threading.Lock()
         self._timer: threading.Timer | None = None
         self._note, self._estimate, self._saved = '', '', 'nothing to save yet'
         self.server = viser.ViserServer(host='127.0.0.1', port=port, label='rm3d annotate', verbose=False)
@@ -334,19 +335,22 @@ class AnnotationPage:
         self._told()
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = threading.Timer(SETTLE, self.guarded(lambda event: self._settle()), [None])
+        self._timer = threading.Timer(SETTLE, self._settle)
         self._timer.daemon = True
         self._timer.start()
 
     def _settle(self) -> None:
-        if not (self._current.annotated >= 0).any():
-            self._estimate = ''
-        else:
-            self._labels = self.session.settled(self.name)
-            self._estimate = self._labels.remark()
-            self._paint()
-        self._told()
-        self._train_if_asked()
+        """Show the labels as they are written; they are computed beside clicks, and dropped where one came first."""
+        with self._settling, self._saying(None):
+            with self._lock:
+                name, shown, labelled = self.name, self._labels, (self._current.annotated >= 0).any()
+            found = self.session.settled(name) if labelled else shown
+            with self._lock:
+                if self._labels is shown:
+                    self._labels, self._estimate = found, found.remark() if labelled else ''
+                    self._paint()
+                    self._told()
+                    self._train_if_asked()
 
     def _train_if_asked(self) -> None:
         """Start the training of ``--train``, once, as soon as there are labels of two classes."""
@@ -368,13 +372,17 @@ class AnnotationPage:
         """One action at a time; what a person can cause is said on the page, and nothing is lost."""
 
         def run(event: Any) -> None:
-            with self._lock:
-                try:
-                    act(event)
-                except (UserError, OSError) as error:
-                    self.say(getattr(event, 'client', None), str(error), 'red')
+            with self._lock, self._saying(getattr(event, 'client', None)):
+                act(event)
 
         return run
+
+    @contextlib.contextmanager
+    def _saying(self, client: Any) -> Iterator[None]:
+        try:
+            yield
+        except (UserError, OSError) as error:
+            self.say(client, str(error), 'red')
 
 
 def _of_client(act: Callable[[Any], None]) -> Callable[[Any], None]:

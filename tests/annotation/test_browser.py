@@ -1,4 +1,7 @@
-"""The page in a real browser, on a made-up room and on a real street; pictures where RM3D_PICTURES names a folder."""
+"""The page in a real browser, on a made-up room and on a real street (`make browser`).
+
+Pictures are kept where RM3D_PICTURES names a folder.
+"""
 
 import os
 import shutil
@@ -26,7 +29,10 @@ POINTS = 20_000
 TILE = real_root() / 'oakland' / 'oakland_part3_ap.xyz_label_conf'
 PLACES = [(0.3, 0.4), (0.45, 0.55), (0.6, 0.45), (0.5, 0.35), (0.4, 0.6)]  # of the picture, one a class
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason='no chromium on this machine')
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason='no chromium on this machine'),
+    pytest.mark.skipif('RM3D_BROWSER' not in os.environ, reason='minutes of graphics without a GPU: make browser'),
+]
 
 
 def room(folder):

@@ -1,5 +1,6 @@
 """The page: what a click does, without a browser."""
 
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -186,3 +187,24 @@ def test_a_second_tab_is_told(opened, monkeypatch):
     assert [each.told for each in clients.values()] == 2 * [
         ['this page is open twice: both change one and the same session']
     ]
+
+
+def test_a_click_need_not_wait_for_the_labels_to_settle_and_overtakes_them(opened, monkeypatch):
+    page, semantic = opened
+    points, asked = few(semantic, 1), page.session.settled
+
+    def slow(name):
+        found = asked(name, check=False)
+        worker = threading.Thread(target=page.guarded(page._clicked), args=(at(page, points[1]),))
+        page._class.value = page.session.classes[semantic[points[1]]]
+        worker.start()
+        worker.join(30)
+        assert not worker.is_alive()
+        return found
+
+    page._class.value = page.session.classes[semantic[points[0]]]
+    page._clicked(at(page, points[0]))
+    monkeypatch.setattr(page.session, 'settled', slow)
+    page._settle()
+    assert (page.session.scan('corner').annotated >= 0).sum() == 2
+    assert 'estimate: when you pause' in page._status.content  # the answer to one click is not shown for two

@@ -65,6 +65,8 @@ def test_the_hooks_of_a_config(path, tmp_path):
     config = load_config(path, tmp_path / 'run', demo=True, options={'data_root': str(tmp_path / 'kitti')})
     kinds = {'RegionMergeHook': RegionMergeHook, 'EpochSeedHook': EpochSeedHook, 'ReportHook': ReportHook}
     kinds |= {'RunRecordHook': RunRecordHook, 'SafeCheckpointHook': SafeCheckpointHook}
+    if config.method_hook is not None:  # of a compared method
+        kinds[config.method_hook.type] = HOOKS.get(config.method_hook.type)
     assert sorted(hook.type for hook in config.custom_hooks) == sorted(kinds)
     for settings in config.custom_hooks:
         if settings.type != 'RegionMergeHook':

@@ -17,10 +17,9 @@ from rm3d_plugin.labeling import DetectionLabelMaker
 def test_each_mechanism_is_options_of_its_config(row):
     config = load_config(config_path(row.config), demo=True, options=parse_options(option_texts(row.options)))
     hook = next(hook for hook in config.custom_hooks if hook.type == 'RegionMergeHook')
-    grouped = row.options.get('teacher', {}) is None
-    assert (hook.label_maker.teacher is None) == grouped
+    assert (hook.label_maker.teacher is None) == ('teacher' not in row.options)
     assert (config.model.iou_head is None) == ('BoxOverlap' not in [loss.type for loss in config.model.losses if loss])
-    assert hook.mirror == row.options.get('mirror', True)
+    assert hook.label_maker.mirror == row.options.get('mirror', False)
 
 
 def test_prototypes_have_the_channels_of_the_network():

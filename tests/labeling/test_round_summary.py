@@ -98,7 +98,7 @@ def test_a_class_without_boxes_or_with_too_many_is_told_with_the_steps():
     told = with_steps({'boxes': rows}, steps, np.array([10.04, 5.0, 2.0]))
     assert told['boxes']['Car']['expected'] == 10.0 and told['boxes']['Car']['steps']['doubt'] == 8
     assert box_warnings(told) == [
-        'Car: 30 pseudo boxes of 40 candidates, 10 expected; doubt took 8, size 2',
+        'Car: 30 pseudo boxes, 10 expected; doubt took 8, size 2 of 40',
         'Pedestrian: no pseudo box; of 9 candidates doubt took 6, size 3',
     ]
     assert box_warnings({'boxes': rows}) == []  # nothing was counted

@@ -33,8 +33,6 @@ class RegionMergeHook(Hook):
         warm_up_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
             has seen more, which counts where few labels are annotated or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
-        mirror: Predict every scene a second time, mirrored; see
-            :func:`~rm3d_plugin.engine.mirrored_view.agreed_prediction`. Prediction takes twice as long.
 
     Attributes:
         seconds: Wall clock, spent on labels by this process.
@@ -50,7 +48,6 @@ class RegionMergeHook(Hook):
         dataloader: Any,
         rounds: int = 8,
         warm_up_rounds: int = 1,
-        mirror: bool = False,
     ) -> None:
         for name, value in (('interval', interval), ('rounds', rounds), ('warm_up_rounds', warm_up_rounds)):
             if int(value) < 1:
@@ -59,7 +56,6 @@ class RegionMergeHook(Hook):
         self.rounds = rounds
         self.warm_up_rounds = warm_up_rounds
         self.dataloader = dataloader
-        self.mirror = mirror
         self.seconds = 0.0
         self.times: RoundTimes
         self._predicting = Seconds()
@@ -165,7 +161,7 @@ class RegionMergeHook(Hook):
         batches = tqdm(self.dataloader, desc=f'labels, round {number}', disable=not is_main_process())
         for batch in batches:  # the sampler gives each process its share
             watch = Stopwatch()
-            found = predict_scenes(model, batch, self.mirror)
+            found = predict_scenes(model, batch, self.label_maker.mirror)
             self._predicting = self._predicting.plus(watch.read())
             yield from found
 

@@ -162,11 +162,12 @@ WALKER_ADDITIONS: dict[str, Mapping[str, Any]] = {
     'merged regions in place of the walk': {'strategy': 'regions'},
 }
 DETECTION_ADDITIONS: dict[str, Mapping[str, Any]] = {
-    'groups of regions become boxes': {'teacher': None},
-    'scores do not ask how a box fits': {'iou_head': None, 'iou_loss': None},
-    'scenes are seen once': {'mirror': False},
-    'boxes of classes that the network does not recognise, too': {'teacher.recognised': 0.0},
-    'geometry alone makes background': {'teacher.background': None},
+    'predicted boxes have no say': {'objects.support_iou': None},
+    'every candidate is a pseudo box': {'objects.top_fraction': None},
+    'one gamma for all classes': {'objects.class_gamma': None},
+    'boxes along the axes': {'objects.box': 'axis_aligned'},
+    'mixed regions stay whole': {'objects.part_share': 2.0},
+    'objects of any height': {'objects.seen_height': None},
     'no objects pasted': {'paste_objects': 0},
     'labels of round 0 stay': {'label_refreshes': 1},
 }
