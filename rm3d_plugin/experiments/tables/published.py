@@ -6,8 +6,7 @@ differ by more than methods do.
 
 from typing import NamedTuple
 
-Scores = dict[str, float]
-
+from rm3d_plugin.experiments.paper import paper_value
 
 class Pair(NamedTuple):
     """Scores of one publication, in percent: of labelled data alone, and with the method."""
@@ -21,35 +20,18 @@ class Pair(NamedTuple):
         return self.method - self.alone
 
 
-# Key of a table's part -> method -> score; 'labelled_only' is the weak baseline. Tables of the paper of RM3D.
-PAPER: dict[str, Scores] = {
-    'indoor 0p2pct': {  # mIoU, ScanNet
-        'labelled_only': 46.5, 'rm3d': 65.2, 'redal': 63.7, 'psd': 61.5, 'xu_lee': 57.6, 'viewpoint_bottleneck': 55.3,
-        'csc': 54.2, 'pointcontrast': 52.3,
-    },
-    'indoor onept': {
-        'labelled_only': 40.1, 'rm3d': 59.6, 'redal': 57.8, 'psd': 54.6, 'xu_lee': 51.3, 'viewpoint_bottleneck': 48.4,
-        'csc': 47.7, 'pointcontrast': 45.9,
-    },
-    'outdoor 0p2pct': {  # mIoU, SemanticKITTI
-        'labelled_only': 34.5, 'rm3d': 50.9, 'redal': 48.7, 'psd': 47.6, 'xu_lee': 46.2, 'viewpoint_bottleneck': 44.2,
-        'csc': 42.5, 'pointcontrast': 41.1,
-    },
-    'instances 0p2pct': {  # AP50, ScanNet
-        'labelled_only': 35.3, 'rm3d': 55.1, 'redal': 51.6, 'psd': 50.1, 'xu_lee': 47.9, 'viewpoint_bottleneck': 46.6,
-        'csc': 43.4, 'pointcontrast': 41.9,
-    },
-    'detection 1pct': {  # AP of pedestrians, moderate, KITTI
-        'labelled_only': 33.2, 'rm3d': 45.3, 'redal': 44.1, 'psd': 43.0, 'xu_lee': 41.9, 'viewpoint_bottleneck': 40.8,
-        'csc': 39.7, 'pointcontrast': 38.5,
-    },
-    'scenes scenes5pct': {  # AP, instances of ScanNet; the row of TWIST is TWIST + CSC there
-        'labelled_only': 47.0, 'pointcontrast': 48.5, 'csc': 50.6, 'twist': 58.2, 'rm3d_csc': 58.9,
-    },
-    'scenes scenes20pct': {
-        'labelled_only': 63.0, 'pointcontrast': 63.6, 'csc': 64.1, 'twist': 67.8, 'rm3d_csc': 67.7,
-    },
-}  # fmt: skip
+# Key of a table's part -> the paper's table and its column. Rows are methods and a budget, or methods alone.
+PAPER = {
+    'indoor 0p2pct': 'tablewslresults_sem_indoor:sem_scannet',  # mIoU, as the next two
+    'indoor onept': 'tablewslresults_sem_indoor:sem_scannet',
+    'outdoor 0p2pct': 'tablewslresults_sem_outdoor:sem_semantickitti',
+    'instances 0p2pct': 'tablewslresults_sem_indoor:ins_scannet',  # AP50
+    'detection 1pct': 'tablewslresults_det:kitti_moderate',  # AP of pedestrians
+    'scenes scenes5pct': 'tab_twist:5pct',  # AP, instances of ScanNet
+    'scenes scenes20pct': 'tab_twist:20pct',
+}
+# Where whole scenes are annotated, the paper's RM3D and TWIST stand with CSC.
+WITH_CSC = {'rm3d_csc': 'rm3d', 'rm3d': ''}
 
 # The same of each method's own publication, or of a later one that measured it: the budget nearest to the table's.
 PUBLICATIONS: dict[str, dict[str, Pair]] = {
@@ -69,8 +51,15 @@ PUBLICATIONS: dict[str, dict[str, Pair]] = {
 
 def paper_gain(part: str, method: str) -> float | None:
     """Gain of a method in the paper's table; None where it is not in it."""
-    scores = PAPER.get(part, {})
-    return scores[method] - scores['labelled_only'] if method in scores else None
+    alone, with_it = (_in_paper(part, name) for name in ('labelled_only', method))
+    return None if alone is None or with_it is None else with_it - alone
+
+
+def _in_paper(part: str, method: str) -> float | None:
+    table, _, budget = part.partition(' ')
+    if table == 'scenes':
+        return paper_value(PAPER.get(part, ''), WITH_CSC.get(method, method))
+    return paper_value(PAPER.get(part, ''), f'{method} {budget}')
 
 
 def published_gain(part: str, method: str) -> float | None:
