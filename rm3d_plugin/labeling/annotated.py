@@ -8,6 +8,7 @@ import numpy as np
 from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.round_summary import summarise_points
+from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.pseudo_labels import AnnotatedLabels, PointPrediction
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, LabelStatistics, PseudoLabels, Regions
@@ -66,11 +67,15 @@ def evaluate_points(label_maker: LabelMaker, number: int) -> dict[str, Any]:
 def _with_truth(label_maker: LabelMaker, number: int) -> Iterator[tuple[PseudoLabels, SceneTruth | None]]:
     source = label_maker.source
     for scene, index in label_maker.index_of.items():
-        truth = source.truth(index)
-        known = None
-        if truth is not None and truth.semantic is not None:
-            known = SceneTruth(truth.semantic, truth.instance, source.load_cloud(index).xyz)
-        yield label_maker.store.read(scene, number), known
+        yield label_maker.store.read(scene, number), scene_truth(source, index)
+
+
+def scene_truth(source: LabelSource, index: int) -> SceneTruth | None:
+    """The truth of the points of a scene, for reports; None where nobody knows it."""
+    truth = source.truth(index)
+    if truth is None or truth.semantic is None:
+        return None
+    return SceneTruth(truth.semantic, truth.instance, source.load_cloud(index).xyz)
 
 
 def annotated_only(annotated: AnnotatedLabels) -> PseudoLabels:

@@ -2,6 +2,7 @@
 
 from rm3d_plugin.engine.hooks.descriptor_weights_hook import DescriptorWeightsHook
 from rm3d_plugin.engine.hooks.ema_teacher_hook import EMATeacherHook
+from rm3d_plugin.engine.hooks.prediction_quality_hook import PredictionQualityHook
 from rm3d_plugin.engine.hooks.pretraining_hook import PretrainingHook
 from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.engine.hooks.run_record_hook import RunRecordHook
@@ -13,6 +14,7 @@ __all__ = [
     'DescriptorWeightsHook',
     'EMATeacherHook',
     'EpochSeedHook',
+    'PredictionQualityHook',
     'PretrainingHook',
     'RegionMergeHook',
     'RunRecordHook',

@@ -136,14 +136,11 @@ class RegionMergeHook(Hook):
         if is_main_process():
             self.label_maker.begin(number)
         barrier()
-        runner.model.eval()
-        _unwrapped(runner.model).predict_points = True
-        _unwrapped(runner.model).predict_features = self.label_maker.reads_features
+        said = f'labels, round {number}'
         if self.label_maker.source.extends(number):
-            self.label_maker.extend_budget(number, self._predictions(runner.model, number))
+            self.label_maker.extend_budget(number, self.predictions(runner.model, said))
             self._tell_model(runner.model)
-        self.label_maker.refresh_all(number, self._predictions(runner.model, number))
-        _unwrapped(runner.model).predict_points = False
+        self.label_maker.refresh_all(number, self.predictions(runner.model, said))
         barrier()
         return self._close(number, runner) if is_main_process() else Seconds()
 
@@ -156,14 +153,23 @@ class RegionMergeHook(Hook):
         self.label_maker.finish(number, summary, runner.logger.info)
         return taken
 
-    def _predictions(self, model: Any, number: int) -> Iterator[tuple[str, PointPrediction]]:
-        """What the network says of the scenes of this process, one by one."""
-        batches = tqdm(self.dataloader, desc=f'labels, round {number}', disable=not is_main_process())
+    def predictions(self, model: Any, why: str) -> Iterator[tuple[str, PointPrediction]]:
+        """What the network says of the training scenes of this process, one by one; it is left in evaluation.
+
+        Args:
+            model: The network.
+            why: Stands before the progress bar.
+        """
+        model.eval()
+        _unwrapped(model).predict_points = True
+        _unwrapped(model).predict_features = self.label_maker.reads_features
+        batches = tqdm(self.dataloader, desc=why, disable=not is_main_process())
         for batch in batches:  # the sampler gives each process its share
             watch = Stopwatch()
             found = predict_scenes(model, batch, self.label_maker.mirror)
             self._predicting = self._predicting.plus(watch.read())
             yield from found
+        _unwrapped(model).predict_points = False
 
 
 def _check_project(runner: Runner) -> None:

@@ -10,6 +10,7 @@ from rm3d_plugin.experiments.tables.descriptors_matching import matching_table
 from rm3d_plugin.experiments.tables.descriptors_overseg import descriptor_table
 from rm3d_plugin.experiments.tables.detection import MECHANISMS
 from rm3d_plugin.experiments.tables.figures import figures_table
+from rm3d_plugin.experiments.tables.method_pseudo_labels import method_pseudo_label_table
 from rm3d_plugin.experiments.tables.oakland import OAKLAND
 from rm3d_plugin.experiments.tables.octree import octree_table
 from rm3d_plugin.experiments.tables.propagation import propagation_table
@@ -38,6 +39,9 @@ TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     'methods-instances': methods.INSTANCES,
     'methods-detection': methods.DETECTION,
     'methods-scenes': methods.SCENES,
+    'methods-pseudo-labels': MeasuredTable(
+        'Answers of which networks are sure, and their offsets, by round and method (trains)', method_pseudo_label_table
+    ),
     'propagation': MeasuredTable('mIoU on the unlabelled points of single real scans (trains)', propagation_table),
     'pseudo-labels': MeasuredTable(
         'Coverage and precision of pseudo labels by round, synthetic and real, both strategies (trains)',

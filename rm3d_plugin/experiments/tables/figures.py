@@ -158,16 +158,26 @@ def purity(labels: Int[np.ndarray, ' points'], semantic: Int[np.ndarray, ' point
 def qualities(method: str, folder: Path) -> list[Quality]:
     """What the label store of a finished run says of each round."""
     store = LabelStore(folder / 'labels')
-    return [_quality(method, number, store.summary(number)) for number in store.rounds()]
+    return [quality_of(method, number, store.summary(number)) for number in store.rounds()]
 
 
-def fill_quality(found: Sequence[Quality]) -> FilledTable:
-    """A section a method, a row a round; the picture has the last round of each."""
+def fill_quality(
+    found: Sequence[Quality],
+    title: str = 'Quality of labels by round and method: instances of demo rooms, 0.2 % of the points annotated',
+    notes: tuple[str, ...] = (f'{SMALL}.', 'Pictures: figure_labels.png, figure_rooms.png, figure_streets.png.'),
+) -> FilledTable:
+    """A section a method, a row a round; the picture has the last round of each.
+
+    Args:
+        found: Of all methods.
+        title: One line.
+        notes: Below the table.
+    """
     methods = list(dict.fromkeys(quality.method for quality in found))
     last = [[quality for quality in found if quality.method == method][-1] for method in methods]
     return FilledTable(
-        title='Quality of labels by round and method: instances of demo rooms, 0.2 % of the points annotated',
-        notes=(f'{SMALL}.', 'Pictures: figure_labels.png, figure_rooms.png, figure_streets.png.'),
+        title=title,
+        notes=notes,
         sections=tuple(_section(method, found) for method in methods),
         records=tuple(quality._asdict() for quality in found),
         figure=lambda: draw_bars(
@@ -187,7 +197,14 @@ def _evidence(prepared: PreparedScene, said: Int[np.ndarray, ' points'], classes
     return RegionEvidence(shares / np.maximum(shares.sum(axis=1, keepdims=True), 1.0), unknown, unknown)
 
 
-def _quality(method: str, number: int, summary: Mapping[str, float | None]) -> Quality:
+def quality_of(method: str, number: int, summary: Mapping[str, float | None]) -> Quality:
+    """What a record says of a round.
+
+    Args:
+        method: Name.
+        number: The round.
+        summary: ``coverage`` and ``precision``, in [0, 1], and ``offset_error``; None: not known.
+    """
     coverage, precision, offset = (summary.get(name) for name in HEADS)
     share = math.nan if precision is None else 100 * precision
     return Quality(method, number, 100 * (coverage or 0.0), share, math.nan if offset is None else offset)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from rm3d_plugin.experiments.paper import paper_value
 
+
 class Pair(NamedTuple):
     """Scores of one publication, in percent: of labelled data alone, and with the method."""
 
