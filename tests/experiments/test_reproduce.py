@@ -62,6 +62,7 @@ LABELLED = {
     *TRAINED,
     'propagation',
     'pseudo-labels',
+    'methods-pseudo-labels',
     'pseudo-boxes',
 }  # the others measure descriptors and need no labels
 

@@ -82,8 +82,8 @@ def merging_hook(runner: Runner) -> RegionMergeHook:
         if isinstance(hook, RegionMergeHook) and hook.label_maker.task == 'segmentation':
             return hook
     raise ConfigError(
-        'PredictionQualityHook: expected a RegionMergeHook of segmentation, whose rounds and scenes it reads, found none; '
-        'take the hook out, or train classes of points'
+        'PredictionQualityHook: expected a RegionMergeHook of segmentation, whose rounds and scenes it reads; '
+        'found none; take the hook out, or train classes of points'
     )
 
 

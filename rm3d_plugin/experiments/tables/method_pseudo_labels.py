@@ -1,7 +1,7 @@
 """Pseudo labels and offsets by round of compared methods and RM3D, after the paper's Figure 8.
 
-Not all of them store pseudo labels, so the same is read from all: what the network says of the training points at the end of
-each round, where it is sure, and the centres that the points vote for.
+Not all of them store pseudo labels, so the same is read from all: what the network says of the training points at the
+end of each round, where it is sure, and the centres that the points vote for.
 """
 
 from collections.abc import Mapping
