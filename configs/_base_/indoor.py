@@ -204,6 +204,13 @@ propagation = dict(max_color=0.45, max_extent=3.0, new_instances=False)
 region_prior = dict(gamma=0.6)  # of prior and network together
 ground = None
 self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
+region_geometry = dict(  # for what asks for regions beside the label maker
+    cache='${cache_dir}',
+    descriptor='${descriptor}',
+    oversegmenter='${oversegmenter}',
+    graph_neighbors='${graph_neighbors}',
+    max_gap='${max_gap}',
+)
 label_maker = dict(
     type='point_label_maker',
     store='${work_dir}/labels',

@@ -193,6 +193,13 @@ region_prior = dict(
 )
 ground = dict(min_upright=0.95)
 self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
+region_geometry = dict(  # for what asks for regions beside the label maker
+    cache='${cache_dir}',
+    descriptor='${descriptor}',
+    oversegmenter='${oversegmenter}',
+    graph_neighbors='${graph_neighbors}',
+    max_gap='${max_gap}',
+)
 label_maker = dict(
     type='point_label_maker',
     store='${work_dir}/labels',

@@ -10,16 +10,4 @@ propagate = False
 dice_loss = None
 offset_weight = 0.0
 point_group = dict(proposals=dict(coordinates='original'))
-label_maker = dict(
-    source=dict(
-        type='RegionRoundsSource',
-        rounds='${label_refreshes}',
-        geometry=dict(
-            cache='${cache_dir}',
-            descriptor='${descriptor}',
-            oversegmenter='${oversegmenter}',
-            graph_neighbors='${graph_neighbors}',
-            max_gap='${max_gap}',
-        ),
-    )
-)
+label_maker = dict(source=dict(type='RegionRoundsSource', rounds='${label_refreshes}', geometry='${region_geometry}'))

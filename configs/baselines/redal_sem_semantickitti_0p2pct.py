@@ -6,16 +6,4 @@ _base_ = '../_base_/semantickitti.py'
 budget = '0p2pct'
 label_refreshes = None
 propagate = False
-label_maker = dict(
-    source=dict(
-        type='RegionRoundsSource',
-        rounds='${label_refreshes}',
-        geometry=dict(
-            cache='${cache_dir}',
-            descriptor='${descriptor}',
-            oversegmenter='${oversegmenter}',
-            graph_neighbors='${graph_neighbors}',
-            max_gap='${max_gap}',
-        ),
-    )
-)
+label_maker = dict(source=dict(type='RegionRoundsSource', rounds='${label_refreshes}', geometry='${region_geometry}'))

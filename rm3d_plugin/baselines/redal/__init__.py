@@ -14,13 +14,12 @@ from rm3d_plugin.baselines.redal.score import (
 )
 from rm3d_plugin.baselines.redal.source import RegionRoundsSource, RegionView
 
-GEOMETRY = ('descriptor', 'oversegmenter', 'graph_neighbors', 'max_gap')
 PARTS: dict[str, Any] = {
     'label_refreshes': None,
     'label_maker.source': {
         'type': 'RegionRoundsSource',
         'rounds': '${label_refreshes}',
-        'geometry': {'cache': '${cache_dir}', **{name: f'${{{name}}}' for name in GEOMETRY}},
+        'geometry': '${region_geometry}',
     },
 }
 REDAL = method('redal', 'ReDAL', {'sem': PARTS, 'ins': PARTS}, declares=('budget grows', 'regions'))
