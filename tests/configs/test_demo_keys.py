@@ -87,9 +87,10 @@ def test_the_method_of_a_demo_is_that_of_the_full_run(path):
 
 
 def without_lengths(value):
-    """Without how proposals of instances are clustered, which follows the distance between points."""
+    """Without how proposals of instances are clustered, which follows the distance between points, and without widths."""
     if isinstance(value, Mapping):
-        return {key: without_lengths(part) for key, part in value.items() if key != 'proposals'}
+        sizes = ('proposals', 'in_channels', 'channels')
+        return {key: without_lengths(part) for key, part in value.items() if key not in sizes}
     return [without_lengths(part) for part in value] if isinstance(value, list) else value
 
 
