@@ -87,7 +87,7 @@ def test_the_method_of_a_demo_is_that_of_the_full_run(path):
 
 
 def without_lengths(value):
-    """Without how proposals of instances are clustered, which follows the distance between points, and without widths."""
+    """Without widths, and without how proposals are clustered, which follows the distance between points."""
     if isinstance(value, Mapping):
         sizes = ('proposals', 'in_channels', 'channels')
         return {key: without_lengths(part) for key, part in value.items() if key not in sizes}
