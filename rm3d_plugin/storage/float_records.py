@@ -62,7 +62,7 @@ def holds_doubles(data: bytes) -> bool:
 
     Half of the bytes of a double are the end of its digits, which as float32 are of any size.
     """
-    if len(data) % 24 and len(data) % 32:
+    if not data or (len(data) % 24 and len(data) % 32):
         return False
     single, double = (np.frombuffer(data[: 8 * _LOOKED_AT], dtype=kind) for kind in ('<f4', '<f8'))
     return bool(_sensible(double).all() and _sensible(single).mean() < 1 - _ODD)

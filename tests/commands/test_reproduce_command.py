@@ -30,7 +30,7 @@ def asked(monkeypatch):
 def test_list(capsys):
     assert tool('--list', '--seeds', 0, 1) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(TABLES)
+    assert [line.split()[0] for line in lines] == [*TABLES, 'all']
     assert lines[0].split()[1:3] == ['8', 'runs']
 
 

@@ -20,4 +20,4 @@ def test_a_network_tested_on_the_same_scenes_scores_as_its_last_validation(world
     trained, tested = (final_scores(request.out, row, 4) for row in rows)
     assert 'mAP_3d_moderate_R40_loose' in trained and tested == pytest.approx(trained)
     assert read_json(run_folder(request.out, row, 4) / 'metrics.json')['seed'] == 4
-    assert [line.split(': ')[1].split(';')[0] for line in told] == ['training', 'testing', 'done']
+    assert [line.split(': ')[1].split(';')[0] for line in told] == ['training', 'done', 'testing', 'done']

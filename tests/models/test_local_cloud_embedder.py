@@ -60,7 +60,7 @@ def test_objects_of_a_batch_are_numbered_through():
     samples = [SceneSample(), SceneSample(), SceneSample()]
     samples[0].set_data({'pts_instance_mask': torch.tensor([1, -1, 0])})
     samples[2].set_data({'pts_instance_mask': torch.tensor([0, 0, -1, 1])})
-    batch = network._batch({'points': points})
+    batch = network.join({'points': points})
     found = network.labels(samples, batch, network.network(batch))
     assert found.objects.tolist() == [1, -1, 0, -1, -1, 2, 2, -1, 3]
     assert network({'points': points}, samples, mode='loss')['loss_graph'].item() > 0
