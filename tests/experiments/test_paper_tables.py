@@ -134,7 +134,8 @@ def test_rows_follow_the_registries(monkeypatch):
     from rm3d_plugin.baselines.base import Baseline
 
     other = Baseline('redal', 'ReDAL', LABELLED_ONLY.leaf, LABELLED_ONLY.options)
-    monkeypatch.setitem(BASELINES, 'redal', other)
+    monkeypatch.delitem(BASELINES, 'redal')
+    monkeypatch.setitem(BASELINES, 'redal', other)  # the last now
     rows = {row.name: row for row in method_rows_of('sem', 'scannet', 'onept')}
     names = list(rows)
     assert names[:3] == [PAPER, DEFAULT, 'labelled points alone'] and names[-2:] == ['ReDAL', 'all points']
