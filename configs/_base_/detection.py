@@ -132,7 +132,8 @@ losses = [
 ]
 method_loss = None  # of a compared method
 method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
-vote_loss = dict(type='VoteNetLoss', loss_weight=10.0)
+pseudo_geometry = 1.0  # how far pseudo boxes teach where a box lies; 0: annotated ones alone do
+vote_loss = dict(type='VoteNetLoss', loss_weight=10.0, pseudo_geometry='${pseudo_geometry}')
 point_loss = dict(
     type='WeakSupervision',
     balance='batch',
