@@ -31,7 +31,7 @@ def detection_losses(num_classes: int) -> LossConfigs:
     ]
 
 
-def _views(given: Sequence[Sequence[float]] | None) -> tuple[TtaView, ...]:
+def _views(given: Sequence[Sequence[bool | float]] | None) -> tuple[TtaView, ...]:
     if given is None:
         return (AS_SCANNED,)
     views = tuple(TtaView(bool(mirrored), float(turn)) for mirrored, turn in given)
@@ -95,7 +95,7 @@ class RM3DVoteNet(PointModel):
         fuse_iou: float | None = None,
         max_boxes: int = 100,
         score_by_points: bool = False,
-        tta_views: Sequence[Sequence[float]] | None = None,
+        tta_views: Sequence[Sequence[bool | float]] | None = None,
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
     ) -> None:
