@@ -274,17 +274,24 @@ def score_limits(
     return limits
 
 
-def most_boxes(found: Sequence[Sequence[int]], num_classes: int, growth: float) -> Float[np.ndarray, ' classes']:
+def most_boxes(
+    found: Sequence[Sequence[int]], annotated: Int[np.ndarray, ' classes'], growth: float
+) -> Float[np.ndarray, ' classes']:
     """Most pseudo boxes of each class: ``growth`` times those of the first round that had any; infinite before it.
 
     A network that learns from its own boxes confirms them, and finds more in every round, right or not.
 
-    >>> most_boxes([[0, 5], [3, 9]], 2, growth=2.0).tolist()
-    [6.0, 10.0]
+    Args:
+        found: Pseudo boxes of each class, round by round.
+        annotated: (C,) annotated boxes; they count in place of the first pseudo boxes where there are more of them.
+        growth: 1 or more.
+
+    >>> most_boxes([[0, 5], [3, 9]], np.array([2, 8]), growth=2.0).tolist()
+    [6.0, 16.0]
     """
-    most = np.full(num_classes, np.inf)
+    most = np.full(len(annotated), np.inf)
     for boxes in reversed(found):
-        most = np.where(np.array(boxes) > 0, growth * np.array(boxes), most)
+        most = np.where(np.array(boxes) > 0, growth * np.maximum(boxes, annotated), most)
     return most
 
 

@@ -110,8 +110,9 @@ def test_a_score_of_nothing_is_no_object():
 
 
 def test_a_class_grows_from_the_first_round_that_had_any():
-    assert most_boxes([], 2, 2.0).tolist() == [np.inf, np.inf]
-    assert most_boxes([[4, 0], [20, 0], [9, 3], [9, 50]], 2, 1.5).tolist() == [6.0, 4.5]
+    assert most_boxes([], np.array([1, 2]), 2.0).tolist() == [np.inf, np.inf]
+    assert most_boxes([[4, 0], [20, 0], [9, 3], [9, 50]], np.array([1, 2]), 1.5).tolist() == [6.0, 4.5]
+    assert most_boxes([[1, 0]], np.array([5, 5]), 2.0).tolist() == [10.0, np.inf], 'annotated boxes are objects, too'
 
 
 def test_boxes_as_printed_hug_the_points_along_the_axes_of_the_scene():
