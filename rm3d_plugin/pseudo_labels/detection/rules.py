@@ -41,7 +41,7 @@ class ObjectRules:
             round with predictions, in the second, ...; the last number holds from there on. Smaller: fewer and purer.
             None: all.
         max_growth: With ``top_fraction``: at most so many times the pseudo boxes that a class had when it first had
-            any, or its annotated boxes where these are more; larger: trusts a network that learnt from its own boxes more.
+            any, or its annotated boxes where these are more; larger: trusts more what a network learnt from itself.
     """
 
     gamma: float | None = None
