@@ -20,6 +20,7 @@ from rm3d_plugin.label_budgets.clicks import point_numbers, resolve_clicks
 from rm3d_plugin.storage import Click, ClickFileError, read_clicks, write_clicks
 from rm3d_plugin.storage.locks import process_lock
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
+from rm3d_plugin.structures.class_names import class_index
 from rm3d_plugin.visualization.palette import class_color
 
 NO_CLASS = 'a click needs a class: add one first'
@@ -69,7 +70,7 @@ class Session:
             self.log = ClickLog(path)
             self._check_scenes()
             for name in classes:
-                if name not in self.log.classes:
+                if class_index(name, self.log.classes) is None:
                     self.add_class(name)
         except BaseException:
             self.close()
@@ -120,15 +121,16 @@ class Session:
         return self.log.classes
 
     def class_number(self, name: str) -> int:
-        """Number of a class.
+        """Number of a class, letter case aside.
 
         Raises:
             ClickFileError: There is no such class.
         """
-        if name not in self.classes:
+        number = class_index(name, self.classes)
+        if number is None:
             known = ', '.join(self.classes)
             raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
-        return self.classes.index(name)
+        return number
 
     def color(self, name: str) -> str:
         """Colour of a class as ``#rrggbb``: its own, or one by its number."""

@@ -14,6 +14,7 @@ from torch.utils.data import Dataset
 from rm3d_plugin.registry import TRANSFORMS
 from rm3d_plugin.storage.label_store import LabelStore
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, SceneError
+from rm3d_plugin.structures.class_names import check_class_names
 
 Labels = Literal['none', 'store', 'truth']
 Channel = Literal['intensity', 'rgb']
@@ -104,7 +105,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         check_choice('bad_scenes', bad_scenes, get_args(BadScenes))
         if labels == 'store' and label_store is None:
             raise ValueError("labels='store' needs label_store, the folder of the label store")
-        self.classes = tuple(classes)
+        self.classes = check_class_names(tuple(classes), 'classes')
         self.labels: Labels = labels
         self.label_store = None if label_store is None else LabelStore(label_store)
         self.bad_scenes: BadScenes = bad_scenes

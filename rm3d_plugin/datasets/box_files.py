@@ -16,6 +16,7 @@ from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
 from rm3d_plugin.storage.scans import NanPoints
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
+from rm3d_plugin.structures.class_names import one_spelling
 
 Split = Literal['train', 'val', 'test']
 SCANS = ('points', 'velodyne', 'pointclouds', 'lidar', 'scans')
@@ -151,8 +152,8 @@ class BoxFilesDataset(BoxDataset):
         return self._box_format
 
     def find_classes(self) -> tuple[str, ...]:
-        """Names of all classes that a box of any split has, sorted."""
-        return tuple(sorted({name for path in self.box_files() for name in self._named(path).names}))
+        """Names of all classes that a box of any split has, sorted, each in one spelling."""
+        return one_spelling(sorted({name for path in self.box_files() for name in self._named(path).names}))
 
     # ------------------------------------------------------------------ one scene
 

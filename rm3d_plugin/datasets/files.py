@@ -13,6 +13,7 @@ from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
 from rm3d_plugin.storage.scans import COLOR_RANGES, ColorRange, NanPoints, Scan, map_labels, read_scan
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
+from rm3d_plugin.structures.class_names import class_index
 
 Split = Literal['train', 'val', 'test']
 OtherLabels = Literal['error', 'ignore']
@@ -199,7 +200,7 @@ def class_numbers(label_map: Mapping[int | str, int | str], classes: tuple[str, 
     """
     out = {}
     for raw, target in label_map.items():
-        number = classes.index(target) if target in classes else target
+        number = class_index(target, classes) if isinstance(target, str) else target
         if not isinstance(number, int) or not UNLABELLED <= number < len(classes):
             raise ValueError(f'label_map[{raw!r}]: expected one of {", ".join(classes)}, or -1, got {target!r}')
         try:

@@ -14,6 +14,7 @@ from rm3d_plugin.datasets.downsampled import KeptPoints, check_voxel, keep_point
 from rm3d_plugin.storage.files import content_key
 from rm3d_plugin.storage.scene_cache import SceneCache
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, SceneError
+from rm3d_plugin.structures.class_names import class_index
 
 FAR = 1e3  # m; beyond, float32 is coarser than 0.1 mm and coordinates move to a local frame
 CACHE_VERSION = 2  # raise it when a reader changes what it makes of the same files
@@ -183,9 +184,10 @@ def numbers_of_things(things: Sequence[str], classes: tuple[str, ...]) -> tuple[
     Raises:
         ValueError: A name is no class.
     """
-    if unknown := sorted(set(things) - set(classes)):
+    numbers = {name: class_index(name, classes) for name in things}
+    if unknown := sorted(name for name, number in numbers.items() if number is None):
         raise ValueError(f'things: {unknown[0]!r} is no class; expected some of {", ".join(classes)}')
-    return tuple(number for number, name in enumerate(classes) if name in things)
+    return tuple(sorted({number for number in numbers.values() if number is not None}))
 
 
 def only_things(

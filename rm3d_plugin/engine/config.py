@@ -28,6 +28,7 @@ from rm3d_plugin.engine.config_files import PACKAGE, find_config, pages_merge, s
 from rm3d_plugin.engine.config_files import ConfigError as ConfigError
 from rm3d_plugin.engine.config_pages import anchor_paths, check_names, pages
 from rm3d_plugin.engine.renamed_options import HINTS, RENAMED
+from rm3d_plugin.structures.class_names import check_class_names
 
 CHOICES = {'log_level': ('DEBUG', 'INFO', 'WARNING', 'ERROR', 'CRITICAL'), 'default_scope': (PACKAGE.name,)}
 WHOLE = ('batch_size', 'accumulate', 'checkpoint_interval', 'val_rounds', 'warm_up_rounds', 'label_refreshes')
@@ -217,8 +218,12 @@ def _check_restarts(config: Config) -> None:
 def _count_classes(config: Config) -> None:
     """Fill in ``num_classes`` where it is None."""
     names = config.class_names
-    if not isinstance(names, list | tuple) or len(set(map(str, names))) < max(len(names), 1):
+    if not isinstance(names, list | tuple) or not names:
         raise ConfigError(f'class_names: expected a list of names, each once, got {names!r}')
+    try:
+        check_class_names(names, 'class_names')
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
     if config.num_classes is None:
         config.num_classes = len(names)
     if config.num_classes != len(names):

@@ -9,8 +9,8 @@ threads on the other cores do its share.
 import os
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread, local
