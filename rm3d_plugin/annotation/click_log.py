@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rm3d_plugin.class_names import class_index, one_spelling
 from rm3d_plugin.storage.click_log_lines import LOG_HEAD, LoggedClicks, class_row, latest, log_line, read_click_log
 from rm3d_plugin.storage.clicks import Click, ClickFileError, row_of_clicks
 from rm3d_plugin.storage.instance_box import InstanceBox, row_of_box
-from rm3d_plugin.structures.class_names import class_index, one_spelling
 
 
 class Action(NamedTuple):

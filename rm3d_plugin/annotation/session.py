@@ -12,6 +12,7 @@ from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
 from rm3d_plugin.annotation.click_log import Action, ClickLog
 from rm3d_plugin.annotation.objects import Objects
 from rm3d_plugin.annotation.suggestions import Suggestion
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
 from rm3d_plugin.inference.label_files import SAME, LabelOptions, check_outputs, write_scan
 from rm3d_plugin.inference.label_scan import LabelledScan
@@ -20,7 +21,6 @@ from rm3d_plugin.label_budgets.clicks import point_numbers, resolve_clicks
 from rm3d_plugin.storage import Click, ClickFileError, read_clicks, write_clicks
 from rm3d_plugin.storage.locks import process_lock
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
-from rm3d_plugin.structures.class_names import class_index
 from rm3d_plugin.visualization.palette import class_color
 
 NO_CLASS = 'a click needs a class: add one first'

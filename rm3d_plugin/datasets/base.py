@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Float, Int
 from torch.utils.data import Dataset
 
+from rm3d_plugin.class_names import check_class_names
 from rm3d_plugin.registry import TRANSFORMS
 from rm3d_plugin.storage.label_store import LabelStore
+from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, SceneError
-from rm3d_plugin.structures.class_names import check_class_names
 
 Labels = Literal['none', 'store', 'truth']
 Channel = Literal['intensity', 'rgb']
@@ -35,7 +36,7 @@ def not_found(dataset: str, root: Path, what: str, source: str, layout: str) -> 
         source: Where to get it, such as 'Download it from http://...'.
         layout: Folders and files, ``{root}`` for the root.
     """
-    root = root.resolve()
+    root = real_path(root)
     return DatasetNotFoundError(
         f'{dataset} was looked for at {root}, but {what}. {source} and lay it out so:\n{layout.format(root=root)}\n'
         'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'

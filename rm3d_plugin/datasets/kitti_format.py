@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.storage import write_text
 from rm3d_plugin.storage.float_records import check_float_width
 from rm3d_plugin.structures import Boxes3D, SceneError
-from rm3d_plugin.structures.class_names import class_index
 
 IMAGE_SIZE = (1242, 375)  # pixels, width and height of most KITTI images
 NEAR = 0.1  # m; what is closer to the image plane than this is cut off before projecting
@@ -142,7 +142,8 @@ def read_calib(path: Path | str) -> KittiCalib:
     """Read one file of ``calib/``.
 
     Raises:
-        SceneError: The file is missing, a key that every reader needs is missing, or a row is not numbers of its shape.
+        SceneError: The file is missing, a key that every reader needs is missing, a row is not numbers of its shape,
+            or flattens space.
     """
     path = Path(path)
     rows: dict[str, np.ndarray] = {}
@@ -161,6 +162,9 @@ def read_calib(path: Path | str) -> KittiCalib:
             if rows[key].size != shape[0] * shape[1]:
                 raise SceneError(f'{path}, {key}: expected {shape[0] * shape[1]} numbers, got {rows[key].size}')
             matrices[key] = rows[key].reshape(shape)
+    for key in ('R0_rect', 'Tr_velo_to_cam'):
+        if abs(np.linalg.det(matrices[key][:, :3])) < 1e-6:
+            raise SceneError(f'{path}, {key}: its first three columns are no rotation; copy the file again')
     return KittiCalib(**matrices)
 
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.structures import Boxes3D, SceneError
-from rm3d_plugin.structures.class_names import class_index
 
 SIZES = ('length', 'width', 'height')
 

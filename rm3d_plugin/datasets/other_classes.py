@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.structures import UNLABELLED
-from rm3d_plugin.structures.class_names import class_index
 
 
 @DATASETS.register_module()

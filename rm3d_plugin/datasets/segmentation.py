@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.datasets.base import SceneDataset, Truth
 from rm3d_plugin.datasets.downsampled import KeptPoints, check_voxel, keep_points
 from rm3d_plugin.storage.files import content_key
 from rm3d_plugin.storage.scene_cache import SceneCache
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, SceneError
-from rm3d_plugin.structures.class_names import class_index
 
 FAR = 1e3  # m; beyond, float32 is coarser than 0.1 mm and coordinates move to a local frame
 CACHE_VERSION = 2  # raise it when a reader changes what it makes of the same files

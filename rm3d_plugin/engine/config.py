@@ -20,15 +20,16 @@ from pathlib import Path
 from typing import Any
 
 from mmengine.config import Config
+from mmengine.config.utils import ConfigParsingError
 from mmengine.utils import import_modules_from_strings
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from rm3d_plugin.class_names import check_class_names
 from rm3d_plugin.engine.config_files import PACKAGE, find_config, pages_merge, shipped_bases, similar
 from rm3d_plugin.engine.config_files import ConfigError as ConfigError
 from rm3d_plugin.engine.config_pages import anchor_paths, check_names, pages
 from rm3d_plugin.engine.renamed_options import HINTS, RENAMED
-from rm3d_plugin.structures.class_names import check_class_names
 
 CHOICES = {'log_level': ('DEBUG', 'INFO', 'WARNING', 'ERROR', 'CRITICAL'), 'default_scope': (PACKAGE.name,)}
 WHOLE = ('batch_size', 'accumulate', 'checkpoint_interval', 'val_rounds', 'warm_up_rounds', 'label_refreshes')
@@ -117,11 +118,16 @@ def _read(path: Path) -> Config:
     try:
         with shipped_bases(), pages_merge():
             config = Config.fromfile(str(path), import_custom_modules=False)
-    except (ConfigError, SyntaxError, NameError, FileNotFoundError, KeyError, TypeError) as error:
+    except Exception as error:  # a page is Python: it may raise anything
         _close_files(error)
         if isinstance(error, ConfigError):
             raise ConfigError(f'{path}: {error}') from error
-        raise ConfigError(f'{path}: cannot be read as a config ({type(error).__name__}: {error})') from error
+        reason = f'{type(error).__name__}: {error}'
+        if isinstance(error, ConfigParsingError):
+            reason = 'beside _base_, mmengine takes a page with `import` for one of another kind: leave the import out'
+        if isinstance(error, RecursionError):
+            reason = '_base_ leads back to this page'
+        raise ConfigError(f'{path}: cannot be read as a config ({reason})') from error
     _refuse_old_names([*_dotted(config), *_dotted(config.get('demo') or {})], f'{path}: ')
     found = pages(path)
     check_names(config, found)

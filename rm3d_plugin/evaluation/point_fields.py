@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 
+from rm3d_plugin.class_names import check_class_names
 from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.structures import SceneError, evaluated_fields
-from rm3d_plugin.structures.class_names import check_class_names
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from rm3d_plugin.class_names import one_spelling
 from rm3d_plugin.storage.click_log_lines import LOG_HEAD, log_line, log_rows
 from rm3d_plugin.storage.clicks import COLUMNS, Click, ClickFileError, Line, click_from_row, row_of_click
 from rm3d_plugin.storage.files import read_json, write_json, write_text
-from rm3d_plugin.structures.class_names import one_spelling
 
 
 def read_clicks(path: str | Path, classes: Sequence[str]) -> list[Click]:

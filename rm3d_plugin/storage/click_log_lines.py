@@ -15,10 +15,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rm3d_plugin.class_names import class_index, one_spelling
 from rm3d_plugin.storage.clicks import Click, ClickFileError, Line, click_from_row, takes_away
 from rm3d_plugin.storage.files import parse_json
 from rm3d_plugin.storage.instance_box import InstanceBox, box_from_row
-from rm3d_plugin.structures.class_names import class_index, one_spelling
 
 LOG_HEAD = {'kind': 'clicks', 'format': 1}
 

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.structures import UNLABELLED, SceneError
-from rm3d_plugin.structures.class_names import class_index
 
 LARGEST = 2**62  # of a number in a file
 COLUMNS = ('scene', 'index', 'x', 'y', 'z', 'class', 'instance')

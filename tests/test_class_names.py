@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rm3d_plugin.annotation.click_log import ClickLog
+from rm3d_plugin.class_names import check_class_names, class_index
 from rm3d_plugin.datasets.files import FilesDataset, class_numbers
 from rm3d_plugin.datasets.kitti import KittiDataset
 from rm3d_plugin.datasets.named_boxes import NamedBoxes
@@ -16,7 +17,6 @@ from rm3d_plugin.evaluation import KittiMetric
 from rm3d_plugin.evaluation.point_fields import class_names
 from rm3d_plugin.storage import ClickFileError, click_classes, read_clicks
 from rm3d_plugin.storage.click_log_lines import read_click_log
-from rm3d_plugin.structures.class_names import check_class_names, class_index
 
 TWICE = ['Car', 'tree', 'car']
 
