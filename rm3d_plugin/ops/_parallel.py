@@ -75,7 +75,8 @@ def map_blocks(work: Callable[[int, int], Result], total: int, block: int) -> li
     helpers = _threads_for(spans) - 1
     if helpers < 1:
         return [work(start, stop) for start, stop in spans]
-    turns, results = iter(list(enumerate(spans))), dict.fromkeys(range(len(spans)))
+    turns = iter(list(enumerate(spans)))
+    results: dict[int, Result] = {}
 
     def take() -> None:
         with _several():
@@ -91,7 +92,7 @@ def map_blocks(work: Callable[[int, int], Result], total: int, block: int) -> li
         take()
         for future in helping:
             future.result()
-    return list(results.values())
+    return [results[turn] for turn in range(len(spans))]
 
 
 def map_ahead(work: Callable[[int, int], Result], total: int, block: int) -> Iterator[Result]:
