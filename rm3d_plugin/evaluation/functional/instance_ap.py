@@ -102,7 +102,8 @@ def trapezoid_ap(scores: Float[np.ndarray, ' found'], is_hit: Bool[np.ndarray, '
     unknown, hits = int(np.isnan(scores).sum()), int(is_hit.sum())
     if unknown or hits > truths:
         raise ValueError(
-            f'trapezoid_ap: expected scores that are numbers and at most {truths} hits, got {unknown} NaN and {hits} hits'
+            f'trapezoid_ap: expected scores that are numbers and at most {truths} hits, '
+            f'got {unknown} NaN and {hits} hits'
         )
     if truths == 0 or len(scores) == 0:
         return 0.0
