@@ -75,7 +75,7 @@ dist: $(STAMP)
 # The wheel in an environment of its own: make try-dist PYTHON=python3.13
 try-dist: dist
 	rm -rf build/try && $(PYTHON) -m venv build/try
-	build/try/bin/pip install --quiet "$$(ls dist/*.whl)[standalone]"
+	build/try/bin/pip install --quiet -c constraints.txt "$$(ls dist/*.whl)[standalone]"
 	cd build/try && bin/rm3d info && bin/rm3d train rm3d_sem_scannet_0p2pct --demo --work-dir run --cfg-options \
 	  demo_data.num_train=2 demo_data.num_val=1 rounds=2 sigma=1 'widths=[8,16]' voxel_size=0.2 crop_points=4000
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rm3d_plugin.class_names import class_index, one_spelling
 from rm3d_plugin.storage.click_log_lines import LOG_HEAD, LoggedClicks, class_row, latest, log_line, read_click_log
 from rm3d_plugin.storage.clicks import Click, ClickFileError, row_of_clicks
 from rm3d_plugin.storage.instance_box import InstanceBox, row_of_box
@@ -124,18 +125,19 @@ class ClickLog:
         return Action(groups, [self._boxes.pop(number) for number in numbers if number in self._boxes])
 
     def add_class(self, name: str, color: str | None = None) -> int:
-        """Name a class, or give it another colour (``#rrggbb``); returns its number.
+        """Name a class, or give it another colour (``#rrggbb``); returns its number. Letter case does not matter.
 
         Raises:
             ClickFileError: See :func:`class_row`.
         """
         row = class_row(name, color, self.path)
         self._append(row)
-        name = row['add']
-        self.classes = tuple(dict.fromkeys([*self.classes, name]))
+        self.classes = one_spelling([*self.classes, row['add']])
+        number = class_index(row['add'], self.classes)
+        assert number is not None
         if color is not None:
-            self.colors[name] = color
-        return self.classes.index(name)
+            self.colors[self.classes[number]] = color
+        return number
 
     def rename_class(self, old: str, new: str) -> None:
         """Give a class that was added another name.
@@ -144,7 +146,8 @@ class ClickLog:
             ClickFileError: There is no such class, it was not added here, or the new name is taken or is none.
         """
         new = class_row(new, None, self.path)['add']
-        if old not in self.classes or old in self._given or new in self.classes:
+        others = [name for name in self.classes if name != old]
+        if old not in self.classes or old in self._given or new == old or class_index(new, others) is not None:
             raise ClickFileError(f'{self.path}: rename {old!r} to {new!r}: expected a class added here and a free name')
         self._append({'rename': old, 'to': new})
         self.classes = tuple(new if name == old else name for name in self.classes)

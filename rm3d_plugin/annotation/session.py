@@ -12,6 +12,7 @@ from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
 from rm3d_plugin.annotation.click_log import Action, ClickLog
 from rm3d_plugin.annotation.objects import Objects
 from rm3d_plugin.annotation.suggestions import Suggestion
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
 from rm3d_plugin.inference.label_files import SAME, LabelOptions, check_outputs, write_scan
 from rm3d_plugin.inference.label_scan import LabelledScan
@@ -69,7 +70,7 @@ class Session:
             self.log = ClickLog(path)
             self._check_scenes()
             for name in classes:
-                if name not in self.log.classes:
+                if class_index(name, self.log.classes) is None:
                     self.add_class(name)
         except BaseException:
             self.close()
@@ -120,15 +121,16 @@ class Session:
         return self.log.classes
 
     def class_number(self, name: str) -> int:
-        """Number of a class.
+        """Number of a class, letter case aside.
 
         Raises:
             ClickFileError: There is no such class.
         """
-        if name not in self.classes:
+        number = class_index(name, self.classes)
+        if number is None:
             known = ', '.join(self.classes)
             raise ClickFileError(f'no class {name!r} in this session; {f"it has {known}" if known else NO_CLASS}')
-        return self.classes.index(name)
+        return number
 
     def color(self, name: str) -> str:
         """Colour of a class as ``#rrggbb``: its own, or one by its number."""

@@ -25,6 +25,7 @@ from rm3d_plugin.inference.predict import find_scans
 from rm3d_plugin.inference.predict_formats import FORMATS, check_format
 from rm3d_plugin.inference.scan_kind import KINDS, Kind
 from rm3d_plugin.storage.columns import ENDINGS
+from rm3d_plugin.storage.written_files import real_path
 
 STOPPED = 130  # exit code of a program that Ctrl-C ends
 EXAMPLES = """examples:
@@ -69,8 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _other_than(taken: Sequence[Path], found: Sequence[Path]) -> list[Path]:
-    known = {path.resolve() for path in taken}
-    return [scan for scan in found if scan.resolve() not in known]
+    known = {real_path(path) for path in taken}
+    return [scan for scan in found if real_path(scan) not in known]
 
 
 def _train(

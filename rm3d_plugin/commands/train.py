@@ -3,6 +3,7 @@
 import argparse
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 from rm3d_plugin.commands.config_arguments import add_config_arguments, check_config, config_of
 
@@ -30,8 +31,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from rm3d_plugin.engine.distributed import joined_processes
     from rm3d_plugin.engine.hooks.run_record_hook import final_records, last_summary, read_record
     from rm3d_plugin.engine.run import DEMO_NOTE, train
+    from rm3d_plugin.engine.work_dir import check_folder
     from rm3d_plugin.reporting.scores import final_text
 
+    if args.work_dir:
+        check_folder(Path(args.work_dir), '--work-dir')
     with joined_processes(args.launcher):
         config = config_of(args)
         work_dir = train(config, args.resume, args.amp, args.launcher, args.overwrite, args.add_clicks)

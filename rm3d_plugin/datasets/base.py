@@ -11,8 +11,10 @@ import numpy as np
 from jaxtyping import Float, Int
 from torch.utils.data import Dataset
 
+from rm3d_plugin.class_names import check_class_names
 from rm3d_plugin.registry import TRANSFORMS
 from rm3d_plugin.storage.label_store import LabelStore
+from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, PseudoLabels, SceneError
 
 Labels = Literal['none', 'store', 'truth']
@@ -34,7 +36,7 @@ def not_found(dataset: str, root: Path, what: str, source: str, layout: str) -> 
         source: Where to get it, such as 'Download it from http://...'.
         layout: Folders and files, ``{root}`` for the root.
     """
-    root = root.resolve()
+    root = real_path(root)
     return DatasetNotFoundError(
         f'{dataset} was looked for at {root}, but {what}. {source} and lay it out so:\n{layout.format(root=root)}\n'
         'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
@@ -104,7 +106,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         check_choice('bad_scenes', bad_scenes, get_args(BadScenes))
         if labels == 'store' and label_store is None:
             raise ValueError("labels='store' needs label_store, the folder of the label store")
-        self.classes = tuple(classes)
+        self.classes = check_class_names(tuple(classes), 'classes')
         self.labels: Labels = labels
         self.label_store = None if label_store is None else LabelStore(label_store)
         self.bad_scenes: BadScenes = bad_scenes

@@ -6,6 +6,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from rm3d_plugin.class_names import one_spelling
 from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
 from rm3d_plugin.datasets.box_formats import BOX_FORMATS, find_format
 from rm3d_plugin.datasets.boxes import BoxDataset, in_units, to_units
@@ -15,6 +16,7 @@ from rm3d_plugin.datasets.named_boxes import BoxFileError, NamedBoxes
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
 from rm3d_plugin.storage.scans import NanPoints
+from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
 
 Split = Literal['train', 'val', 'test']
@@ -151,8 +153,8 @@ class BoxFilesDataset(BoxDataset):
         return self._box_format
 
     def find_classes(self) -> tuple[str, ...]:
-        """Names of all classes that a box of any split has, sorted."""
-        return tuple(sorted({name for path in self.box_files() for name in self._named(path).names}))
+        """Names of all classes that a box of any split has, sorted, each in one spelling."""
+        return one_spelling(sorted({name for path in self.box_files() for name in self._named(path).names}))
 
     # ------------------------------------------------------------------ one scene
 
@@ -243,7 +245,7 @@ def _scan_of(folder: Path, name: str) -> str:
 
 
 def _not_found(root: Path, what: str) -> DatasetNotFoundError:
-    layout = _LAYOUT.format(root=root.resolve(), endings=' '.join(ENDINGS))
+    layout = _LAYOUT.format(root=real_path(root), endings=' '.join(ENDINGS))
     return DatasetNotFoundError(
-        f'Scans with boxes were looked for at {root.resolve()}, but {what}. Lay them out so:\n{layout}'
+        f'Scans with boxes were looked for at {real_path(root)}, but {what}. Lay them out so:\n{layout}'
     )

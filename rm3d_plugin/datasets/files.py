@@ -7,11 +7,13 @@ from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, numbers_of_things, only_things
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
 from rm3d_plugin.storage.scans import COLOR_RANGES, ColorRange, NanPoints, Scan, map_labels, read_scan
+from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 
 Split = Literal['train', 'val', 'test']
@@ -128,8 +130,8 @@ class FilesDataset(SegmentationDataset):
         return folder, list(dict.fromkeys(found))
 
     def _not_found(self, what: str) -> str:
-        layout = _LAYOUT.format(root=self.data_root.resolve(), endings=' '.join(ENDINGS))
-        return f'Scans were looked for at {self.data_root.resolve()}, but {what}. Lay them out so:\n{layout}'
+        layout = _LAYOUT.format(root=real_path(self.data_root), endings=' '.join(ENDINGS))
+        return f'Scans were looked for at {real_path(self.data_root)}, but {what}. Lay them out so:\n{layout}'
 
     def path(self, index: int) -> Path:
         """The file of a scene."""
@@ -199,7 +201,7 @@ def class_numbers(label_map: Mapping[int | str, int | str], classes: tuple[str, 
     """
     out = {}
     for raw, target in label_map.items():
-        number = classes.index(target) if target in classes else target
+        number = class_index(target, classes) if isinstance(target, str) else target
         if not isinstance(number, int) or not UNLABELLED <= number < len(classes):
             raise ValueError(f'label_map[{raw!r}]: expected one of {", ".join(classes)}, or -1, got {target!r}')
         try:

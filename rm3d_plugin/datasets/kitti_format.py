@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.storage import write_text
 from rm3d_plugin.storage.float_records import check_float_width
 from rm3d_plugin.structures import Boxes3D, SceneError
@@ -141,7 +142,8 @@ def read_calib(path: Path | str) -> KittiCalib:
     """Read one file of ``calib/``.
 
     Raises:
-        SceneError: The file is missing, a key that every reader needs is missing, or a row is not numbers of its shape.
+        SceneError: The file is missing, a key that every reader needs is missing, a row is not numbers of its shape,
+            or flattens space.
     """
     path = Path(path)
     rows: dict[str, np.ndarray] = {}
@@ -160,6 +162,9 @@ def read_calib(path: Path | str) -> KittiCalib:
             if rows[key].size != shape[0] * shape[1]:
                 raise SceneError(f'{path}, {key}: expected {shape[0] * shape[1]} numbers, got {rows[key].size}')
             matrices[key] = rows[key].reshape(shape)
+    for key in ('R0_rect', 'Tr_velo_to_cam'):
+        if abs(np.linalg.det(matrices[key][:, :3])) < 1e-6:
+            raise SceneError(f'{path}, {key}: its first three columns are no rotation; copy the file again')
     return KittiCalib(**matrices)
 
 
@@ -236,15 +241,15 @@ def objects_to_boxes(objects: Sequence[KittiObject], calib: KittiCalib, classes:
     Raises:
         ValueError: A size is not positive.
     """
-    numbers = {name.lower(): number for number, name in reversed(list(enumerate(classes)))}
-    kept = [item for item in objects if item.type.lower() in numbers]
+    numbers = [class_index(item.type, classes) for item in objects]
+    kept = [item for item, number in zip(objects, numbers, strict=True) if number is not None]
     if not kept:
         return Boxes3D.empty()
     bottom = transform(np.array([[o.x, o.y, o.z] for o in kept]), calib.lidar_from_rect)
     size = np.array([[o.l, o.w, o.h] for o in kept])
     yaw = wrap_angle(-np.array([o.ry for o in kept]) - np.pi / 2)
     center = bottom + np.stack([np.zeros(len(kept)), np.zeros(len(kept)), size[:, 2] / 2], axis=1)
-    labels = np.array([numbers[o.type.lower()] for o in kept], dtype=np.int64)
+    labels = np.array([number for number in numbers if number is not None], dtype=np.int64)
     scores = np.array([1.0 if o.score is None else o.score for o in kept])
     return Boxes3D(np.concatenate([center, size, yaw[:, None]], axis=1), labels, scores)
 

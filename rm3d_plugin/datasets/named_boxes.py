@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.structures import Boxes3D, SceneError
 
 SIZES = ('length', 'width', 'height')
@@ -30,9 +31,9 @@ class NamedBoxes(NamedTuple):
 
     def of_classes(self, classes: Sequence[str]) -> Boxes3D:
         """The boxes of these classes, letter case aside, with their numbers; others are left out."""
-        numbers = {name.lower(): number for number, name in reversed(list(enumerate(classes)))}
-        kept = [row for row, name in enumerate(self.names) if name.lower() in numbers]
-        labels = np.array([numbers[self.names[row].lower()] for row in kept], dtype=np.int64)
+        numbers = [class_index(name, classes) for name in self.names]
+        kept = [row for row, number in enumerate(numbers) if number is not None]
+        labels = np.array([numbers[row] for row in kept], dtype=np.int64)
         return Boxes3D(self.tensor[kept], labels, None if self.scores is None else self.scores[kept])
 
     @classmethod

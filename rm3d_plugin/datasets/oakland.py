@@ -10,6 +10,7 @@ from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
 from rm3d_plugin.datasets.oakland_format import CLASSES, merge_ids, read_tile
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import PointCloud
 
 Split = Literal['train', 'test']
@@ -62,7 +63,7 @@ class OaklandDataset(SegmentationDataset):
         """The tiles, in the order they are named."""
         missing = [tile for tile in self.tiles if not self._file(tile).is_file()]
         if missing:
-            root = self.data_root.resolve()
+            root = real_path(self.data_root)
             raise DatasetNotFoundError(
                 f'Oakland was looked for at {root}, but there is no {self._file(missing[0]).name}'
                 f'{f" ({len(missing)} tiles are missing)" if len(missing) > 1 else ""}. Its home was '

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.structures import UNLABELLED
@@ -87,4 +88,5 @@ def numbers_by_name(names: tuple[str, ...], others: tuple[str, ...]) -> Int[np.n
     >>> numbers_by_name(('floor', 'beam', 'wall'), ('wall', 'floor')).tolist()
     [1, -1, 0]
     """
-    return np.array([others.index(name) if name in others else UNLABELLED for name in names], dtype=np.int64)
+    found = (class_index(name, others) for name in names)
+    return np.array([UNLABELLED if number is None else number for number in found], dtype=np.int64)

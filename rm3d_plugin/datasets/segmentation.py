@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.datasets.base import SceneDataset, Truth
 from rm3d_plugin.datasets.downsampled import KeptPoints, check_voxel, keep_points
 from rm3d_plugin.storage.files import content_key
@@ -183,9 +184,10 @@ def numbers_of_things(things: Sequence[str], classes: tuple[str, ...]) -> tuple[
     Raises:
         ValueError: A name is no class.
     """
-    if unknown := sorted(set(things) - set(classes)):
+    numbers = {name: class_index(name, classes) for name in things}
+    if unknown := sorted(name for name, number in numbers.items() if number is None):
         raise ValueError(f'things: {unknown[0]!r} is no class; expected some of {", ".join(classes)}')
-    return tuple(number for number, name in enumerate(classes) if name in things)
+    return tuple(sorted({number for number in numbers.values() if number is not None}))
 
 
 def only_things(

@@ -20,10 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from mmengine.config import Config
+from mmengine.config.utils import ConfigParsingError
 from mmengine.utils import import_modules_from_strings
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from rm3d_plugin.class_names import check_class_names
 from rm3d_plugin.engine.config_files import PACKAGE, find_config, pages_merge, shipped_bases, similar
 from rm3d_plugin.engine.config_files import ConfigError as ConfigError
 from rm3d_plugin.engine.config_pages import anchor_paths, check_names, pages
@@ -116,11 +118,16 @@ def _read(path: Path) -> Config:
     try:
         with shipped_bases(), pages_merge():
             config = Config.fromfile(str(path), import_custom_modules=False)
-    except (ConfigError, SyntaxError, NameError, FileNotFoundError, KeyError, TypeError) as error:
+    except Exception as error:  # a page is Python: it may raise anything
         _close_files(error)
         if isinstance(error, ConfigError):
             raise ConfigError(f'{path}: {error}') from error
-        raise ConfigError(f'{path}: cannot be read as a config ({type(error).__name__}: {error})') from error
+        reason = f'{type(error).__name__}: {error}'
+        if isinstance(error, ConfigParsingError):
+            reason = 'beside _base_, mmengine takes a page with `import` for one of another kind: leave the import out'
+        if isinstance(error, RecursionError):
+            reason = '_base_ leads back to this page'
+        raise ConfigError(f'{path}: cannot be read as a config ({reason})') from error
     _refuse_old_names([*_dotted(config), *_dotted(config.get('demo') or {})], f'{path}: ')
     found = pages(path)
     check_names(config, found)
@@ -217,8 +224,12 @@ def _check_restarts(config: Config) -> None:
 def _count_classes(config: Config) -> None:
     """Fill in ``num_classes`` where it is None."""
     names = config.class_names
-    if not isinstance(names, list | tuple) or len(set(map(str, names))) < max(len(names), 1):
+    if not isinstance(names, list | tuple) or not names:
         raise ConfigError(f'class_names: expected a list of names, each once, got {names!r}')
+    try:
+        check_class_names(names, 'class_names')
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
     if config.num_classes is None:
         config.num_classes = len(names)
     if config.num_classes != len(names):

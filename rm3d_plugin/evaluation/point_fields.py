@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 
+from rm3d_plugin.class_names import check_class_names
 from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.structures import SceneError, evaluated_fields
 
@@ -140,12 +141,12 @@ def class_names(classes: Sequence[str] | None, meta: Mapping[str, Any] | None, m
     """Names of the class numbers.
 
     Raises:
-        ValueError: Neither the metric nor the data set names them.
+        ValueError: Neither the metric nor the data set names them, or two are the same, letter case aside.
     """
     names = classes or (meta or {}).get('classes')
     if not names:
         raise ValueError(f'{metric}: no classes; pass classes=(...) or use a data set whose metainfo names them')
-    return tuple(names)
+    return check_class_names(tuple(names), f'{metric}: classes')
 
 
 def ignored_values(ignored: Sequence[int], meta: Mapping[str, Any] | None) -> tuple[int, ...]:

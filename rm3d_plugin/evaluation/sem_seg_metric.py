@@ -1,6 +1,7 @@
 """Mean intersection over union of point classes as an mmengine metric."""
 
 from collections.abc import Sequence
+from logging import WARNING
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -87,6 +88,9 @@ class SemSegMetric(RecordedMetric):
         if self.labels == 'store':
             print_log(f'The network: {percent(scores.accuracy)} % {AGREEMENT}', logger='current')
             return [share('agreement_not_accuracy', scores.accuracy, 'agreement', AGREEMENT)]
+        if not scores.points.any():
+            print_log('SemSegMetric: no point has a true class, so there is no score', logger='current', level=WARNING)
+            return []
         print_log('Classes of points (%)\n' + format_scores(scores, names), logger='current')
         each = zip(names, scores.iou, strict=True)
         return [

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.storage.written_files import real_path
 
 
 def check_targets(targets: Iterable[Path], inputs: Iterable[Path], out: Path) -> None:
@@ -28,5 +29,5 @@ def _identity(path: Path) -> tuple[int, int] | Path:
     try:
         found = path.stat()
     except OSError:
-        return path.resolve()
+        return real_path(path)
     return found.st_dev, found.st_ino

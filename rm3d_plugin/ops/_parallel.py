@@ -10,6 +10,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread, local
@@ -71,11 +72,27 @@ def map_blocks(work: Callable[[int, int], Result], total: int, block: int) -> li
         One result a block. ``NUMBA_NUM_THREADS`` bounds the threads; a thread of another call asks no others for help.
     """
     spans = _spans(total, block)
-    threads = _threads_for(spans)
-    if threads <= 1:
+    helpers = _threads_for(spans) - 1
+    if helpers < 1:
         return [work(start, stop) for start, stop in spans]
-    with ThreadPoolExecutor(threads, initializer=_mark_helper) as pool:
-        return list(pool.map(lambda span: work(*span), spans))
+    turns = iter(list(enumerate(spans)))
+    results: dict[int, Result] = {}
+
+    def take() -> None:
+        with _several():
+            try:
+                for turn, span in turns:
+                    results[turn] = work(*span)
+            except BaseException:
+                deque(turns, maxlen=0)  # nobody takes another block
+                raise
+
+    with ThreadPoolExecutor(helpers) as pool:
+        helping = [pool.submit(take) for _ in range(helpers)]
+        take()
+        for future in helping:
+            future.result()
+    return [results[turn] for turn in range(len(spans))]
 
 
 def map_ahead(work: Callable[[int, int], Result], total: int, block: int) -> Iterator[Result]:
@@ -89,7 +106,7 @@ def map_ahead(work: Callable[[int, int], Result], total: int, block: int) -> Ite
         yield from (work(start, stop) for start, stop in spans)
         return
     waiting: deque[Future[Result]] = deque()
-    with ThreadPoolExecutor(threads, initializer=_mark_helper) as pool:
+    with ThreadPoolExecutor(threads, initializer=lambda: setattr(_helper, 'busy', True)) as pool:
         try:
             for start, stop in spans:
                 waiting.append(pool.submit(work, start, stop))
@@ -109,8 +126,14 @@ def _threads_for(spans: list[tuple[int, int]]) -> int:
     return 1 if getattr(_helper, 'busy', False) else min(int(config.NUMBA_NUM_THREADS), len(spans))
 
 
-def _mark_helper() -> None:
+@contextmanager
+def _several() -> Iterator[None]:
+    """Within, this thread is one of several, and asks no others for help."""
     _helper.busy = True
+    try:
+        yield
+    finally:
+        _helper.busy = False
 
 
 def each_block(work: Callable[[Array], object], blocks: int, least: int = 1) -> None:

@@ -67,7 +67,7 @@ def nearest_of_each(
     found = np.empty((len(points), k), dtype=np.int32) if shared is not None and known is None else None
     for first in range(0, len(points), chunk):
         rows = tree.order[first : first + chunk]
-        near = tree.knn(points[rows], k) if known is None else _known(points, rows, known[rows, :k])
+        near = tree.knn(points[rows], k) if known is None else _known(points, rows, known, k)
         if found is not None:
             found[rows] = near.indices
         yield rows, near
@@ -80,23 +80,31 @@ def _shared_of(points: np.ndarray) -> _Shared | None:
     return shared if shared is not None and shared.points is points else None
 
 
-def _known(points: np.ndarray, rows: np.ndarray, indices: np.ndarray) -> Knn:
-    sq_dists = np.empty(indices.shape)
-    map_blocks(lambda start, stop: _distances(points, rows, indices, start, stop, sq_dists), len(rows), BLOCK)
+def _known(points: np.ndarray, rows: np.ndarray, known: np.ndarray, k: int) -> Knn:
+    indices, sq_dists = np.empty((len(rows), k), dtype=np.int32), np.empty((len(rows), k))
+    map_blocks(
+        lambda start, stop: _nearest_known(points, rows, known, start, stop, indices, sq_dists), len(rows), BLOCK
+    )
     return Knn(indices, sq_dists)
 
 
 @njit(cache=True, nogil=True)
-def _distances(
-    points: np.ndarray, rows: np.ndarray, indices: np.ndarray, start: int, stop: int, out: np.ndarray
+def _nearest_known(
+    points: np.ndarray,
+    rows: np.ndarray,
+    known: np.ndarray,
+    start: int,
+    stop: int,
+    indices: np.ndarray,
+    sq_dists: np.ndarray,
 ) -> None:
     """Squared distances as the octree computes them: float64 of the coordinates as given."""
     for at in range(start, stop):
         for slot in range(indices.shape[1]):
-            j = indices[at, slot]
-            out[at, slot] = np.inf
+            j = known[rows[at], slot]
+            indices[at, slot], sq_dists[at, slot] = j, np.inf
             if j >= 0:
                 dx = np.float64(points[j, 0]) - np.float64(points[rows[at], 0])
                 dy = np.float64(points[j, 1]) - np.float64(points[rows[at], 1])
                 dz = np.float64(points[j, 2]) - np.float64(points[rows[at], 2])
-                out[at, slot] = dx * dx + dy * dy + dz * dz
+                sq_dists[at, slot] = dx * dx + dy * dy + dz * dz

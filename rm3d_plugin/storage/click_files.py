@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from rm3d_plugin.class_names import one_spelling
 from rm3d_plugin.storage.click_log_lines import LOG_HEAD, log_line, log_rows
 from rm3d_plugin.storage.clicks import COLUMNS, Click, ClickFileError, Line, click_from_row, row_of_click
 from rm3d_plugin.storage.files import read_json, write_json, write_text
@@ -32,12 +33,12 @@ def read_clicks(path: str | Path, classes: Sequence[str]) -> list[Click]:
 
 
 def click_classes(path: str | Path) -> list[str]:
-    """Class names of a file of clicks, sorted; for a file whose classes nobody listed.
+    """Class names of a file of clicks, sorted, each in one spelling; for a file whose classes nobody listed.
 
     Raises:
         ClickFileError: The file cannot be used.
     """
-    return sorted({str(row['class']) for _, row in _rows(Path(path)) if row.get('class') is not None})
+    return [*one_spelling(sorted({str(row['class']) for _, row in _rows(Path(path)) if row.get('class') is not None}))]
 
 
 def write_clicks(path: str | Path, clicks: Sequence[Click], classes: Sequence[str]) -> None:

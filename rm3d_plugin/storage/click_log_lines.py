@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rm3d_plugin.class_names import class_index, one_spelling
 from rm3d_plugin.storage.clicks import Click, ClickFileError, Line, click_from_row, takes_away
 from rm3d_plugin.storage.files import parse_json
 from rm3d_plugin.storage.instance_box import InstanceBox, box_from_row
@@ -59,7 +60,7 @@ def read_click_log(path: str | Path, classes: Sequence[str]) -> LoggedClicks:
     """
     lines, size = _log_lines(Path(path))
     log = _followed(Path(path), lines)
-    known = tuple(dict.fromkeys([*classes, *log.colors]))
+    known = one_spelling([*classes, *log.colors])
     clicks = {number: _clicks_of_line(line, known) for number, line in log.standing.items() if 'box' not in line[1]}
     boxes = {number: box_from_row(*line, known) for number, line in log.standing.items() if 'box' in line[1]}
     colors = {name: of for name, of in log.colors.items() if of}
@@ -158,7 +159,9 @@ def _followed(path: Path, lines: Sequence[Line]) -> _Log:
                 raise ClickFileError(f'{where}: undo: no click {row["undo"]!r} stands before this line')
         elif 'add' in row:
             named = class_row(str(row['add']), row.get('color'), where)
-            colors[named['add']] = named.get('color') or colors.get(named['add'])
+            number = class_index(named['add'], [*colors])
+            name = named['add'] if number is None else [*colors][number]
+            colors[name] = named.get('color') or colors.get(name)
         elif 'rename' in row:
             colors = _renamed(where, row, colors)
             standing = {number: _with_class(line, row) for number, line in standing.items()}

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from rm3d_plugin.class_names import class_index
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
 LARGEST = 2**62  # of a number in a file
@@ -130,13 +131,13 @@ def _number(where: str, name: str, text: str, kind: Callable[[str], float]) -> f
 
 
 def class_number(where: str, text: str, classes: Sequence[str]) -> int:
-    """Number of a class that is told by name or number.
+    """Number of a class that is told by name, letter case aside, or by number.
 
     Raises:
         ClickFileError: There is no such class.
     """
-    if text in classes:
-        return list(classes).index(text)
+    if (number := class_index(text, classes)) is not None:
+        return number
     if text.isdecimal() and len(text) < 9 and int(text) < len(classes):
         return int(text)
     raise ClickFileError(f'{where}: class: expected one of {", ".join(classes)} or 0..{len(classes) - 1}, got {text!r}')

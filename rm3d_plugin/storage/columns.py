@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rm3d_plugin.storage.e57 import read_e57
-from rm3d_plugin.storage.float_records import RECORDS, USUAL, float_width, holds_colors, holds_doubles
+from rm3d_plugin.storage.float_records import RECORDS, USUAL, check_sense, float_width, holds_colors, holds_doubles
 from rm3d_plugin.storage.las import read_las
 from rm3d_plugin.storage.leica_text import PARTS as COLUMNS
 from rm3d_plugin.storage.leica_text import read_pts, read_ptx
@@ -67,7 +67,7 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
     if path.suffix.lower() not in readers:
         raise SceneError(f'{path}: unknown ending {path.suffix!r}; expected one of {" ".join(ENDINGS)}')
     if not path.is_file():
-        raise SceneError(f'{path}: no such file')
+        raise SceneError(f'{path}: {"is no file but a folder or a device" if path.exists() else "no such file"}')
     try:
         columns = readers[path.suffix.lower()](path, names)
     except SceneError:
@@ -219,10 +219,11 @@ def _record(data: bytes, path: Path) -> str:
     """What a point of raw float32 numbers seems to hold.
 
     Raises:
-        SceneError: The numbers are float64.
+        SceneError: The numbers are float64, or absurd.
     """
     if holds_doubles(data):
         raise SceneError(f'{path}: looks like float64 numbers; expected float32: save .astype(float32), or a .npy file')
+    check_sense(data, path)
     width = float_width(data, path.name)
     names = RECORDS[width]
     if width == 6 and holds_colors(np.frombuffer(data, dtype='<f4').reshape(-1, 6)):
@@ -240,12 +241,17 @@ def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
         raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
     table = read_npy(path)
     if table.dtype.names:
-        return {name: table[name].reshape(-1) for name in table.dtype.names}
+        return _by_name({name: table[name] for name in table.dtype.names}, path, names)
     return _named(table, path, names)
 
 
 def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
     arrays = read_archive(path)
+    return _moved(_by_name(arrays, path, names), arrays.get('origin'), path)
+
+
+def _by_name(arrays: Mapping[str, np.ndarray], path: Path, names: str | None) -> dict[str, np.ndarray]:
+    """Columns of named arrays of one or more numbers a point."""
     first = next((name for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in arrays), None)
     if first is None:
         raise SceneError(f'{path}: holds {sorted(arrays)}; expected xyz (N, 3), points (N, 3 or more), or x, y and z')
@@ -255,15 +261,15 @@ def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
             if name.lower() in _BLOCKS or name.lower() in {alias for found in ALIASES.values() for alias in found}:
                 raise SceneError(f'{path}: {name}: shape {values.shape}, but {first} has shape {arrays[first].shape}')
             continue  # what is not about points: a transform, a name, an origin
-        if values.ndim == 1:
-            out[name] = values
+        if values.ndim == 1 or values.shape[1] == 1:
+            out[name] = values.reshape(-1)
         elif values.shape[1] == len(_BLOCKS.get(name.lower(), ())):
             out |= {part: values[:, i] for i, part in enumerate(_BLOCKS[name.lower()])}
         elif name == first:
             out |= _named(values, path, names)
         else:
             out |= {f'{name}_{i}': values[:, i] for i in range(values.shape[1])}
-    return _moved(out, arrays.get('origin'), path)
+    return out
 
 
 def _moved(columns: dict[str, np.ndarray], origin: np.ndarray | None, path: Path) -> dict[str, np.ndarray]:

@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 COARSE = 0.01  # m; float32 whose steps are larger has lost digits
 SPARSE = 3.0  # m between neighbours; a scan in metres is denser
 _SAMPLE = 2000  # points that spacing is estimated from
-_ENOUGH = 500  # points from which units are questioned
+_ENOUGH = 500  # points from which their spacing is questioned
+_FEW = 50  # points from which their extent is
 
 
 def warn_of_strays(
@@ -39,22 +40,23 @@ def warn_of_units(xyz: Float[np.ndarray, 'points 3'], path: Path) -> None:
     if len(xyz) == 0:
         return
     middle = np.abs(np.median(xyz, axis=0)).max()
-    if xyz.dtype == np.float32 and (step := float(np.spacing(np.float32(middle)))) > COARSE:
+    exact = xyz.dtype.kind != 'f' or xyz.dtype == np.float64
+    if not exact and (step := float(np.spacing(xyz.dtype.type(middle)))) > COARSE:
         warnings.warn(
-            f'{path}: coordinates around {middle:g} are float32, in steps of {step:g} m: digits are lost; export them '
-            'as double, or subtract an offset first',
+            f'{path}: coordinates around {middle:g} are {xyz.dtype}, in steps of {step:g} m: digits are lost; '
+            'export them as double, or subtract an offset first',
             stacklevel=3,
         )
-    if len(xyz) < _ENOUGH:
+    if len(xyz) < _FEW:
         return
     sample = np.asarray(xyz[:: -(-len(xyz) // _SAMPLE)], dtype=np.float64)
     low, high = np.quantile(sample, (0.02, 0.98), axis=0)
     wide, tall = float((high - low)[:2].max()), float(high[2] - low[2])
     on_the_globe = np.all(np.abs(low[:2]) <= (180, 90)) and np.abs(low[:2]).max() > 1
-    if on_the_globe and wide < 0.1 and tall > 20 * wide:
+    if on_the_globe and wide < 0.3 and tall > 20 * wide:
         warnings.warn(f'{path}: x and y look like degrees; expected metres: project them (to UTM, say)', stacklevel=3)
         return
-    spacing = _spacing(sample, len(xyz))
+    spacing = _spacing(sample, len(xyz)) if len(xyz) >= _ENOUGH else 0.0
     if spacing > SPARSE:
         warnings.warn(
             f'{path}: neighbouring points are about {spacing:.3g} apart in a scan {wide:.4g} wide; expected metres: '

@@ -1,5 +1,6 @@
 """Points as raw float32 records: how many numbers each has is in no header."""
 
+import string
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ USUAL = 4
 _ENOUGH = 60  # points from which a width is told
 _LOOKED_AT = 1 << 14  # numbers
 _RINGS = 31  # the highest ring of a lidar of 32
+_FAR = 20.0  # times nine tenths of the numbers
 _ODD = 0.2  # share of numbers that make no sense
 _CLEAR = 0.2  # a width is told where the logarithm of the scatter within columns is so much lower
 
@@ -37,6 +39,8 @@ def float_width(data: bytes, name: str = '') -> int:
     numbers = np.frombuffer(data[: len(data) // 4 * 4][: 4 * _LOOKED_AT], dtype='<f4')
     if len(numbers) < USUAL * _ENOUGH or not np.isfinite(numbers).all():
         return USUAL
+    greatest = _FAR * np.quantile(np.abs(numbers), 0.9)
+    numbers = np.clip(numbers, -greatest, greatest)  # one stray point is no reason for another width
     fitting = [width for width in RECORDS if len(data) % (4 * width) == 0 or width == USUAL]
     scatter = {width: _scatter(numbers, width) for width in fitting}
     least = min(scatter.values())
@@ -68,6 +72,21 @@ def holds_doubles(data: bytes) -> bool:
     return bool(_sensible(double).all() and _sensible(single).mean() < 1 - _ODD)
 
 
+def check_sense(data: bytes, path: Path) -> None:
+    """Whether bytes make sense as float32 at all.
+
+    Raises:
+        SceneError: A fifth or more of the numbers are absurd: another byte order, another type, or text.
+    """
+    whole = data[: len(data) // 4 * 4][: 4 * _LOOKED_AT]
+    numbers, swapped = (np.frombuffer(whole, dtype=kind) for kind in ('<f4', '>f4'))
+    if len(numbers) and (_sensible(numbers) | np.isnan(numbers)).mean() <= 1 - _ODD:
+        text = not set(whole) - set(string.printable.encode())
+        swap = not text and _sensible(swapped).all()
+        what = 'big-endian: save them little-endian' if swap else f'{"text" if text else "another type"}, or damaged?'
+        raise SceneError(f'{path}: its numbers make no sense as float32 ({numbers[0]:.3g}, say); {what}')
+
+
 def _sensible(numbers: np.ndarray) -> np.ndarray:
     size = np.abs(numbers)
     found: np.ndarray = (size == 0) | ((size > 1e-9) & (size < 1e9))  # NaN compares as False
@@ -78,8 +97,9 @@ def check_float_width(data: bytes, width: int, path: Path) -> None:
     """Whether a file of a known kind holds the records of that kind.
 
     Raises:
-        SceneError: It is cut off, or its numbers fit another width.
+        SceneError: It is cut off, or its numbers fit another width or are absurd.
     """
+    check_sense(data, path)
     found = float_width(data, path.name)
     if found != width:
         raise SceneError(

@@ -27,7 +27,8 @@ def read_las(path: str | Path) -> dict[str, np.ndarray]:
     try:
         las = laspy.read(path)
     except Exception as error:  # laspy and its decompressors raise whatever they come across
-        raise SceneError(f'{path}: not readable as LAS or LAZ ({error}); copy it again') from error
+        reason = str(error) or type(error).__name__
+        raise SceneError(f'{path}: not readable as LAS or LAZ ({reason}); copy it again') from error
     scaled = {name: np.asarray(getattr(las, name), dtype=np.float64) for name in 'xyz'}
     rest = (str(name) for name in las.point_format.dimension_names)
     columns = scaled | {name: np.asarray(las[name]) for name in rest if name not in 'XYZ'}

@@ -23,6 +23,7 @@ PARTS = {
     7: 'x y z intensity red green blue',
 }
 """What a row of either holds, by its numbers."""
+_SHORT = 8  # letters; a line of more is taken as not empty
 _PTX_HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)  # numbers in its lines
 
 
@@ -83,6 +84,11 @@ def _ptx_scans(path: Path) -> Iterator[_PtxScan]:
                 f'{path}, line {at + 7}: the last column of the transform is not 0 0 0 1; expected its translation '
                 'in the fourth line: transpose it'
             )
+        turn = np.stack(header[6:9])[:, :3]
+        if np.isfinite(turn).all() and abs(np.linalg.det(turn)) < 1e-6:
+            raise SceneError(
+                f'{path}, line {at + 7}: the transform puts all points into a plane; correct its first lines'
+            )
         at += len(_PTX_HEADER)
         cells = lines.whole(at - 10, 0) * lines.whole(at - 9, 0)
         yield _PtxScan(header[2], np.stack(header[6:]), lines.table(at, at + cells))
@@ -109,21 +115,27 @@ def _columns(path: Path, tables: list[np.ndarray]) -> dict[str, np.ndarray]:
 
 
 class _Lines:
-    """The lines of a text, without empty ones at its end."""
+    """The lines of a text that are not empty."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.text = path, plain_text(path.read_bytes()).rstrip() + b'\n'
         self.ends = np.flatnonzero(np.frombuffer(self.text, dtype=np.uint8) == ord('\n'))
+        self.starts = np.concatenate([[0], self.ends[:-1] + 1])
+        kept = self.ends - self.starts > _SHORT
+        for line in np.flatnonzero(~kept):
+            kept[line] = bool(self.text[self.starts[line] : self.ends[line]].strip())
+        self.starts, self.ends = self.starts[kept], self.ends[kept]
 
     def __len__(self) -> int:
-        return len(self.ends) if self.text.strip() else 0
+        return len(self.ends)
 
-    def _start(self, line: int) -> int:
-        return int(self.ends[line - 1]) + 1 if line else 0
+    def _number(self, line: int) -> int:
+        """As an editor counts, from 1."""
+        return self.text.count(b'\n', 0, int(self.starts[line])) + 1 if line < len(self) else len(self) + 1
 
     def words(self, line: int) -> list[bytes]:
         """Words of a line; none behind the last."""
-        return self.text[self._start(line) : self.ends[line]].split() if line < len(self) else []
+        return self.text[self.starts[line] : self.ends[line]].split() if line < len(self) else []
 
     def numbers(self, line: int, count: int) -> Float[np.ndarray, ' numbers']:
         """The numbers of a header line."""
@@ -133,13 +145,17 @@ class _Lines:
                 return np.array([float(word) for word in words])
         except ValueError:
             pass
-        raise SceneError(f'{self.path}, line {line + 1}: expected {count} numbers of a header, got {self._shown(line)}')
+        raise SceneError(
+            f'{self.path}, line {self._number(line)}: expected {count} numbers of a header, got {self._shown(line)}'
+        )
 
     def whole(self, line: int, least: int) -> int:
         """The one whole number of a header line."""
         value = float(self.numbers(line, 1)[0])
         if not (least <= value < 2**53 and value == int(value)):
-            raise SceneError(f'{self.path}, line {line + 1}: expected how many there are, got {self._shown(line)}')
+            raise SceneError(
+                f'{self.path}, line {self._number(line)}: expected how many there are, got {self._shown(line)}'
+            )
         return int(value)
 
     def _shown(self, line: int) -> str:
@@ -151,16 +167,12 @@ class _Lines:
             raise SceneError(f'{self.path}: {len(self) - start} points, but {stop - start} are announced; cut off?')
         if start == stop:
             return np.zeros((0, 3))
-        begin = self._start(start)
         try:
-            table = parse_table(self.text[begin : self._start(stop)])
+            table = parse_table(self.text[self.starts[start] : self.ends[stop - 1] + 1])
         except BadTextError as error:
-            told = (
-                f'line {error.line + start}: {error.reason}: {error.content[:80].decode("ascii", "backslashreplace")!r}'
-            )
+            line, shown = error.line + self._number(start) - 1, error.content[:80].decode('ascii', 'backslashreplace')
+            told = f'line {line}: {error.reason}: {shown!r}'
             raise SceneError(f'{self.path}, {told}; expected numbers, one point a line') from error
         if len(table) != stop - start:
-            raise SceneError(
-                f'{self.path}: {len(table)} points in lines {start + 1} to {stop}; empty lines or comments?'
-            )
+            raise SceneError(f'{self.path}: {len(table)} points in lines {start + 1} to {stop}; comments?')
         return table

@@ -181,7 +181,7 @@ def write_ply(path: str | Path, columns: Mapping[str, np.ndarray]) -> Path:
 
 
 def _read_header(file: IO[bytes], path: Path) -> PlyHeader:
-    if file.readline().strip() != b'ply':
+    if file.readline().removeprefix(b'\xef\xbb\xbf').strip() != b'ply':
         raise SceneError(f'{path}: does not begin with "ply"; expected a PLY file')
     form = ''
     elements: list[tuple[str, int, list[list[str]]]] = []

@@ -22,6 +22,7 @@ COLOR_RANGES = ('auto', 1, 255, 65535)
 Float3 = tuple[float, float, float]
 GREATEST = 3.2e38  # m; float32 has no room for more
 RAW_LIMIT = 2**53  # labels travel through float64 in text
+LARGEST, ALL_BITS = 2**63 - 1, 2**64 - 1
 
 
 class Scan(NamedTuple):
@@ -149,7 +150,8 @@ def rows_with_place(columns: Mapping[str, np.ndarray], given: Columns | None, pa
 
 
 def _has_place(xyz: np.ndarray) -> Bool[np.ndarray, ' rows']:
-    finite: Bool[np.ndarray, ' rows'] = (np.abs(xyz) <= GREATEST).all(axis=1)  # NaN compares as False
+    greatest = min(GREATEST, float(np.finfo(xyz.dtype).max)) if xyz.dtype.kind == 'f' else GREATEST
+    finite: Bool[np.ndarray, ' rows'] = (np.abs(xyz) <= greatest).all(axis=1)  # NaN compares as False
     return finite
 
 
@@ -276,5 +278,8 @@ def _whole(path: Path, name: str, values: np.ndarray) -> Int[np.ndarray, ' point
         values = np.where(np.isnan(values), UNLABELLED, values)
         wrong = ~(np.abs(values) < RAW_LIMIT) | (np.floor(values) != values)
         if wrong.any():
-            raise SceneError(f'{path}: {name}: expected whole numbers, got {values[wrong][0]}')
+            limit = '' if np.abs(values[wrong][0]) < RAW_LIMIT else f' below {RAW_LIMIT}'
+            raise SceneError(f'{path}: {name}: expected whole numbers{limit}, got {values[wrong][0]:.17g}')
+    if values.dtype == np.uint64 and ((values > LARGEST) & (values < ALL_BITS)).any():  # all bits: -1 of other programs
+        raise SceneError(f'{path}: {name}: expected numbers up to {LARGEST}, got {values[values < ALL_BITS].max()}')
     return values.astype(np.int64)

@@ -14,6 +14,7 @@ from rm3d_plugin.structures import SceneError
 _NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)', re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r'[-+]?(\d+(,\d*)?|,\d+)([eE][-+]?\d+)?')
 _COMMENT = ('#', '//')
+_SHOWN = 4096  # bytes in which the first line is looked for
 
 
 class TextLayout(NamedTuple):
@@ -21,7 +22,7 @@ class TextLayout(NamedTuple):
 
     Attributes:
         names: Of the columns, from a header; '' = nameless, [] = there is no header.
-        separator: Between two cells: ``;``, ``,`` or a tab; '' = blanks, or any of them.
+        separator: Between two cells: ``;``, ``,``, ``|`` or a tab; '' = blanks, or any of them.
         decimal_comma: ``1,5`` is one number.
         announced: Points that a line of its own announces, or None.
         start: Where the first row begins.
@@ -60,7 +61,7 @@ def read_text_table(path: Path) -> TextTable:
     except BadTextError as error:
         raise SceneError(f'{path}, {error}; expected numbers, one point a line') from error
     if len(table) == 0:
-        raise SceneError(f'{path}: holds no points')
+        raise SceneError(f'{path}: holds no points{_told_of(text)}')
     if layout.announced not in (None, len(table)):
         raise SceneError(f'{path}: {len(table)} points, but a line announces {layout.announced}; cut off?')
     if table.shape[1] == len(layout.names) + 1 or not layout.names:
@@ -100,7 +101,7 @@ def find_layout(text: bytes) -> TextLayout:
 def split_cells(line: str) -> tuple[list[str], str]:
     """Cells of a line without their quotes, and what separates them ('' = blanks)."""
     bare = re.sub(r'"[^"]*"', '', line)
-    separator = next((letter for letter in ';\t,' if letter in bare), '')
+    separator = next((letter for letter in ';\t,|' if letter in bare), '')
     if not separator:
         return [quoted or plain for quoted, plain in re.findall(r'"([^"]*)"|(\S+)', line)], ''
     cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
@@ -127,7 +128,7 @@ def _row_separator(line: str, header_separator: str) -> tuple[str, bool]:
     words = line.split(';' if ';' in line else None)
     if ',' in line and len(words) >= 3 and all(_DECIMAL_COMMA.fullmatch(word.strip()) for word in words if word):
         return ';' if ';' in line else header_separator.replace(',', ''), True
-    separator = next((letter for letter in ';,' if letter in line), '')
+    separator = next((letter for letter in ';,|' if letter in line), '')
     if not separator and '\t' in line:
         separator = header_separator
     mixed = any(len(cell.split()) > 1 for cell in line.split(separator or None))
@@ -144,6 +145,15 @@ def plain_text(data: bytes) -> bytes:
         data = data.decode('utf-16', errors='replace').encode()
     data = data.removeprefix(b'\xef\xbb\xbf')
     return data.replace(b'\r', b'\n') if b'\r' in data and b'\n' not in data else data
+
+
+def _told_of(text: bytes) -> str:
+    """What stands in a text without a row of numbers."""
+    lines = [line.strip() for line in text[:_SHOWN].splitlines() if line.strip()]
+    first = lines[0][:60].decode('utf-8', errors='replace') if lines else ''
+    return f'; no line holds numbers split by blanks, commas, semicolons, tabs or |, the first is {first!r}' * bool(
+        first
+    )
 
 
 def _without_empty_end(table: np.ndarray) -> np.ndarray:

@@ -7,9 +7,14 @@ MANIFEST = 'written_files.txt'
 _recorded: dict[Path, set[str]] = {}  # folder -> names it knows; of this process
 
 
+def real_path(path: str | Path) -> Path:
+    """The absolute path without links; links in a circle stay, for whoever opens them to tell."""
+    return Path(os.path.realpath(path))
+
+
 def record_writes(folder: str | Path) -> None:
     """From now on this process notes each file that it writes atomically within a folder, in the folder's manifest."""
-    root = Path(folder).resolve()
+    root = real_path(folder)
     _recorded[root] = set(written_files(root))
 
 
@@ -17,7 +22,7 @@ def note_written(path: Path) -> None:
     """Note a file that is about to be written; of no effect outside of recorded folders."""
     if not _recorded:
         return
-    place = path.parent.resolve() / path.name
+    place = real_path(path.parent) / path.name
     for root, names in _recorded.items():
         if place.is_relative_to(root) and (name := place.relative_to(root).as_posix()) not in names:
             names.add(name)
@@ -45,4 +50,4 @@ def remove_written(folder: str | Path) -> None:
         if parent.is_dir() and not any(parent.iterdir()):
             parent.rmdir()
     (root / MANIFEST).unlink(missing_ok=True)
-    _recorded.pop(root.resolve(), None)
+    _recorded.pop(real_path(root), None)

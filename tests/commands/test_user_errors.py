@@ -7,11 +7,15 @@ import time
 
 import pytest
 
+from rm3d_plugin.commands import train
 from rm3d_plugin.commands.main import main
 from rm3d_plugin.commands.user_errors import exit_code
-from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.config import ConfigError, load_config
+from rm3d_plugin.inference.outputs import check_targets
 from rm3d_plugin.storage import DamagedFileError
 from rm3d_plugin.storage.locks import FolderInUseError
+from rm3d_plugin.storage.scans import read_scan
+from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import SceneError
 
 
@@ -89,3 +93,37 @@ def test_numbers_of_the_command_line_are_checked_first(words, said, capsys):
     with pytest.raises(SystemExit) as ended:
         main(words.split())
     assert ended.value.code == 2 and said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('page', 'told'),
+    [
+        ("import os\n_base_ = ['rm3d_plugin::rm3d_sem_files_rooms_clicks.py']\n", 'leave the import out'),
+        ("_base_ = ['page.py']\n", '_base_ leads back to this page'),
+        ('rounds = 1 / 0\n', 'ZeroDivisionError: division by zero'),
+        ("_base_ = ['nosuch.py']\n", 'nosuch.py'),
+    ],
+)
+def test_a_page_that_python_cannot_run(page, told, tmp_path):
+    (tmp_path / 'page.py').write_text(page)
+    with pytest.raises(ConfigError, match='page.py') as error:
+        load_config(tmp_path / 'page.py')
+    assert told in str(error.value)
+
+
+def test_a_work_dir_that_is_a_file_is_told_before_demo_data_are_made(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'file').write_text('')
+    words = ['rm3d_sem_scannet_0p2pct', '--demo', '--work-dir', str(tmp_path / 'file')]
+    assert exit_code(train.main, words) == 2
+    assert f'{tmp_path / "file"} is a file; name a folder' in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ['file']
+
+
+def test_links_in_a_circle_are_told(tmp_path):
+    loop = tmp_path / 'loop'
+    loop.symlink_to(loop)
+    assert real_path(loop / 'a.ply') == real_path(tmp_path) / 'loop' / 'a.ply'
+    check_targets([loop / 'a.ply'], [loop], tmp_path)
+    with pytest.raises(SceneError, match='no such file'):
+        read_scan(tmp_path / 'loop' / 'a.ply')

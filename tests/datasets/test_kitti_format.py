@@ -247,3 +247,12 @@ def test_real_2d_boxes_agree_with_the_projected_ones(real_data: Path) -> None:
     again = kf.boxes_to_objects(kf.objects_to_boxes(objects, calib, CLASSES), calib, CLASSES)
     for item, other in zip(objects, again, strict=True):
         np.testing.assert_allclose(other.bbox, item.bbox, atol=2)
+
+
+def test_a_calibration_that_flattens_space_is_told(tmp_path):
+    kf.write_calib(tmp_path / 'a.txt', straight_calib())
+    text = (tmp_path / 'a.txt').read_text().splitlines()
+    flat = [line.split(':')[0] + ': ' + ' '.join(['0'] * 12) if line.startswith('Tr_velo') else line for line in text]
+    (tmp_path / 'b.txt').write_text('\n'.join(flat))
+    with pytest.raises(SceneError, match='b.txt, Tr_velo_to_cam: its first three columns are no rotation'):
+        kf.read_calib(tmp_path / 'b.txt')

@@ -188,7 +188,7 @@ ground = dict(min_upright=0.9)
     ('text', 'message'),
     [
         ('num_classes = 3', 'num_classes=3: class_names has 2: ground, tree; leave num_classes out'),
-        ("class_names = ['a', 'a']", 'class_names: expected a list of names, each once'),
+        ("class_names = ['a', 'a']", "class_names: 'a' and 'a' are one class"),
         ("class_names = 'tree'", "class_names: expected a list of names, each once, got 'tree'"),
     ],
 )

@@ -212,3 +212,9 @@ def test_ids_of_64_bits_are_told_apart():
     np.testing.assert_array_equal(got.shared, np.eye(4))
     xyz = np.arange(12.0).reshape(4, 3)
     np.testing.assert_array_equal(instance_centres(xyz, semantic, big), xyz)
+
+
+@pytest.mark.parametrize(('scores', 'hits'), [([np.nan, 1.0], [True, False]), ([3.0, 2.0, 1.0], [True, True, True])])
+def test_a_curve_of_no_scores_or_of_recall_above_one_is_refused(scores, hits):
+    with pytest.raises(ValueError, match='trapezoid_ap: expected scores that are numbers and at most 2 hits'):
+        trapezoid_ap(np.array(scores), np.array(hits), 2)

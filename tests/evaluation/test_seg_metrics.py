@@ -219,3 +219,8 @@ def test_against_labels_of_the_run_itself_there_is_no_score_but_agreement(monkey
     assert said == ['The network: 71.43 % agreement with its own pseudo labels, not accuracy']
     with pytest.raises(ValueError, match="labels: expected one of truth, store, got 'stored'"):
         run('SemSegMetric', [], labels='stored')
+
+
+def test_without_a_true_class_there_is_no_score():
+    metric = METRICS.build({'type': 'SemSegMetric', 'classes': ('a', 'b')})
+    assert metric.compute_metrics([]) == {}

@@ -42,7 +42,7 @@ def test_pts_without_a_count_and_with_fewer_columns(tmp_path):
         ('3\n1 2 3\n4 5 6\n', '2 points, but 3 are announced; cut off'),
         ('1\n1 2 3\n4 5 6\n', 'line 3: more points than announced'),
         ('2\n1 2 3\n4 five 6\n', "line 3: 'five' is not a number"),
-        ('2\n1 2 3\n\n4 5 6\n', '1 points in lines 2 to 3'),
+        ('2\n1 2 3\n# 0\n4 5 6\n', '1 points in lines 2 to 3'),
         ('1\n1 2 3\n1\n1 2 3 4\n', r'rows of \[3, 4\] numbers'),
         ('1\n1 2 3 4 5\n', r'rows of \[5\] numbers; expected one of \[3, 4, 6, 7\]'),
         ('-1\n1 2 3\n', "line 1: expected how many there are, got '-1'"),

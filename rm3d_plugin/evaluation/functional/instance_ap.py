@@ -95,15 +95,24 @@ def trapezoid_ap(scores: Float[np.ndarray, ' found'], is_hit: Bool[np.ndarray, '
     1.0
     >>> trapezoid_ap(np.array([0.9, 0.8]), np.array([False, True]), 1)
     0.25
+
+    Raises:
+        ValueError: A score is NaN, or there are more hits than truths: each truth is found once.
     """
+    unknown, hits = int(np.isnan(scores).sum()), int(is_hit.sum())
+    if unknown or hits > truths:
+        raise ValueError(
+            f'trapezoid_ap: expected scores that are numbers and at most {truths} hits, '
+            f'got {unknown} NaN and {hits} hits'
+        )
     if truths == 0 or len(scores) == 0:
         return 0.0
     order = np.argsort(-scores, kind='stable')
     falling = scores[order]  # compared, not subtracted: scores may be infinite
     last = np.append(np.flatnonzero(falling[1:] != falling[:-1]), len(order) - 1)  # last of each run of equal scores
-    hits = np.cumsum(is_hit[order])[last]
-    precision = np.append(1.0, hits / (last + 1))
-    recall = np.append(0.0, hits / truths)
+    risen = np.cumsum(is_hit[order])[last]
+    precision = np.append(1.0, risen / (last + 1))
+    recall = np.append(0.0, risen / truths)
     return float((np.diff(recall) * (precision[1:] + precision[:-1]) / 2).sum())
 
 
