@@ -72,6 +72,9 @@ class ScanPicture:
         """Show where labels were given."""
         points = np.flatnonzero(annotated >= 0)
         points = points[:: -(-len(points) // MOST_DOTS) or 1]
+        if not len(points):
+            self._scene.remove_by_name('clicks')
+            return
         self._points('clicks', points, np.full((len(points), 3), 255, np.uint8), 3 * self._width)
 
     def _points(self, name: str, points: np.ndarray, colors: np.ndarray, width: float) -> Any:
@@ -144,8 +147,8 @@ class ScanPicture:
         away = np.asarray(client.camera.position) - place
         away = away if away.any() else np.array([0.0, 0.0, 1.0])
         length = min(float(np.linalg.norm(away)), NEAR * self._spacing)
-        client.camera.look_at = place
         client.camera.position = place + length * clearest_way(self._xyz[self.shown], place, away, length)
+        client.camera.look_at = place  # after the position, which takes it along
 
 
 def camera_of(client: Any) -> Camera:
