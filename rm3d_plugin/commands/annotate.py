@@ -28,7 +28,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Open a session and its page, until Ctrl-C."""
     args = _parser().parse_args(arguments)
     if args.demo == bool(args.scans):
-        raise ConfigError('annotate: expected scans, or --demo')
+        raise ConfigError('annotate: expected scans, or --demo; scans come before --classes')
+    for name in args.classes:
+        if ',' in name:
+            raise ConfigError(f'annotate: --classes: got {name!r}; split names by blanks: road building')
     try:
         from rm3d_plugin.annotation.page import AnnotationPage, Outputs
     except ModuleNotFoundError as error:
