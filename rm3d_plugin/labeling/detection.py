@@ -52,8 +52,6 @@ class DetectionLabelMaker(LabelMaker):
         self_training: Fields of :class:`~rm3d_plugin.pseudo_labels.SelfTrainingRules`, or None; ``holdout`` is of
             segmentation.
         teacher: Fields of :class:`~rm3d_plugin.pseudo_labels.TeacherRules`, or None: groups of regions become boxes.
-        mirror: Every scene is predicted a second time, mirrored; see
-            :func:`~rm3d_plugin.engine.mirrored_view.agreed_prediction`. Prediction takes twice as long.
         default_sizes: (C, 3) metres, for classes without an annotated box.
         geometry: Further arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`: ``cache``,
             ``descriptor``, ``oversegmenter``, ``graph_neighbors``, ``max_gap``.
@@ -74,12 +72,10 @@ class DetectionLabelMaker(LabelMaker):
         objects: Mapping[str, Any] | None = None,
         self_training: Mapping[str, Any] | None = None,
         teacher: Mapping[str, Any] | None = None,
-        mirror: bool = False,
         default_sizes: Sequence[Sequence[float]] | None = None,
         **geometry: Any,
     ) -> None:
         super().__init__(store, source)
-        self.mirror = mirror
         self.rules = detection_rules(strategy, merge, objects, self_training, teacher)
         self.scenes = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._default_sizes = None if default_sizes is None else np.asarray(default_sizes, dtype=np.float64)
