@@ -74,7 +74,7 @@ def fill_clicks(curves: dict[str, list[Curve]], seeds: Sequence[int]) -> FilledT
         notes=(
             'Percent: the mean of scans and seeds. Clicks: the mean over the scans of the median of the seeds; a run '
             f'that misses the goal within {clicks} clicks counts as {clicks + 1}.',
-            f'{", ".join(BOUND)}: the most that is possible, were all points right of as many classes as there are clicks.',
+            f'{", ".join(BOUND)}: the most that is possible, all points of as many classes as there are clicks.',
         ),
         sections=tuple(_section(title, own) for title, own in shown.items()),
         records=tuple(_record(group, curve) for group, own in curves.items() for curve in own),
