@@ -18,6 +18,11 @@ def test_it_wants_scans_or_the_demo(words):
         main(words)
 
 
+def test_classes_are_split_by_blanks():
+    with pytest.raises(ConfigError, match=r"--classes: got 'road,tree'; split names by blanks"):
+        main(['scan.ply', '--classes', 'road,tree'])
+
+
 def test_it_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, 'viser', None)
     monkeypatch.delitem(sys.modules, 'rm3d_plugin.annotation.page', raising=False)
