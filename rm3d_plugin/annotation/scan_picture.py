@@ -58,7 +58,7 @@ class ScanPicture:
         step = -(-len(self._xyz) // SHOWN)
         every = np.arange(0, len(self._xyz), step)
         self.shown: Int[np.ndarray, ' shown'] = every[(self._xyz[every, 2] >= low) & (self._xyz[every, 2] <= high)]
-        self._width = size * self._spacing * float(np.sqrt(step)) / 2
+        self._width = size * self._spacing * float(np.sqrt(step)) / 2  # half of what is drawn, as viser counts
         self._cloud: Any = None
 
     def paint(self, colors: UInt8[np.ndarray, 'shown 3']) -> None:
@@ -108,7 +108,7 @@ class ScanPicture:
 
     def met(self, event: Any) -> int | None:
         """The point that a click meets."""
-        row = point_hit(self._xyz[self.shown], event.ray_origin, event.ray_direction, self._width)
+        row = point_hit(self._xyz[self.shown], event.ray_origin, event.ray_direction, 2 * self._width)
         return None if row is None else int(self.shown[row])
 
     def in_rectangle(self, event: Any) -> list[int]:
