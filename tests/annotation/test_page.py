@@ -206,6 +206,7 @@ def test_a_second_tab_is_told(opened, monkeypatch):
 
 def test_a_click_need_not_wait_for_the_labels_to_settle_and_overtakes_them(opened, monkeypatch):
     page, semantic = opened
+    monkeypatch.setattr('rm3d_plugin.annotation.page.SETTLE', 1000.0)  # it settles when asked, however slow the machine
     points, asked = few(semantic, 1), page.session.settled
 
     def slow(name):
