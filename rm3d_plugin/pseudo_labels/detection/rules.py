@@ -40,6 +40,8 @@ class ObjectRules:
         top_fraction: Share of all candidates of a class, best scores first, that become pseudo boxes: in the first
             round with predictions, in the second, ...; the last number holds from there on. Smaller: fewer and purer.
             None: all.
+        max_growth: With ``top_fraction``: at most so many times the pseudo boxes that a class had when it first had
+            any, or its annotated boxes where these are more; larger: trusts more what a network learnt from itself.
     """
 
     gamma: float | None = None
@@ -54,6 +56,7 @@ class ObjectRules:
     seen_height: tuple[float, ...] | None = None
     seen_length: tuple[float, ...] | None = None
     top_fraction: tuple[float, ...] | None = None
+    max_growth: float = 2.0
 
     def __post_init__(self) -> None:
         check_choice(self, 'box', get_args(BoxKind))
@@ -65,6 +68,7 @@ class ObjectRules:
             ('min_points', 1),
             ('max_excess', 1),
             ('background_ratio', 1),
+            ('max_growth', 1),
             ('max_iou', 0),
             ('part_share', 0),
         ):
