@@ -113,7 +113,7 @@ def shown(session, folder):
 @contextlib.contextmanager
 def opened(browser, page, folder):
     """A tab in which the page stands; its last picture is kept, and the page must not complain."""
-    tab, complaints = browser.new_page(viewport={'width': 1000, 'height': 640}), []
+    tab, complaints = browser.new_page(viewport={'width': 1200, 'height': 800}), []
     tab.set_default_timeout(1000 * PATIENCE)
     tab.on('console', lambda said: complaints.append(said.text) if said.type == 'error' else None)
     tab.picture = partial(picture, tab, Path(os.environ.get('RM3D_PICTURES', folder)))
