@@ -26,9 +26,10 @@ annotate: $(STAMP)
 test: $(STAMP)
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
-# rm3d annotate in Chromium (Debian: apt-get install chromium); its graphics are drawn by the processor here.
+# rm3d annotate in Chromium (Debian: apt-get install chromium); its graphics are drawn by the processor here, so a busy
+# machine is told and passed over.
 browser: $(STAMP)
-	RM3D_BROWSER=1 $(BIN)/python -m pytest -q -s tests/annotation/test_browser.py
+	RM3D_BROWSER=1 timeout -k 10 300 $(BIN)/python -m pytest -q -s -rs tests/annotation/test_browser.py
 
 fuzz: $(STAMP)
 	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py

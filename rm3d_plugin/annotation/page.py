@@ -144,7 +144,7 @@ class AnnotationPage:
         self.picture.forget_mark()
         self._marks()
         self._told()
-        self.training.show()
+        self.training.opened()
 
     def _switch(self, name: str) -> None:
         """Show another scan; where it cannot be read, the one that is shown stays chosen."""

@@ -19,6 +19,8 @@ REACH = 0.006  # of the distance from the eye: as near a ray must pass a point t
 BEHIND = 0.02  # of the distance: points so much behind the first in a cell of the picture are hidden
 DARKEST = 0.5  # of a class's colour, on what is dark in the scan
 CLEAR = 0.2  # of the way to the eye: so wide a tube, and from so far on, shall hold no point
+SIGHT = 0.01  # of the way: a point so near to the line of sight hides the place, from BALL of the way on
+BALL = 0.05
 IN_CELL = 8  # points in a cell of the rectangle, about: the first of them hides the others
 
 
@@ -127,7 +129,7 @@ def clearest_way(
     before: Float[np.ndarray, '3'],
     length: float,
 ) -> Float[np.ndarray, '3']:
-    """Direction from a place to an eye that sees it with the fewest points between, near to that of before.
+    """Direction from a place to an eye that sees it, with the fewest points between, near to that of before.
 
     Args:
         xyz: Points that are shown.
@@ -146,7 +148,9 @@ def clearest_way(
     for way in ways:
         ahead = near @ way
         beside = np.square(near).sum(axis=1) - np.square(ahead)
-        between.append(int(np.count_nonzero((ahead > CLEAR * length) & (beside < (CLEAR * length) ** 2))))
+        hidden = ((ahead > BALL * length) & (ahead < length) & (beside < (SIGHT * length) ** 2)).any()
+        around = np.count_nonzero((ahead > CLEAR * length) & (beside < (CLEAR * length) ** 2))
+        between.append(int(around) + len(near) * bool(hidden))
     return np.asarray(ways[int(np.argmin(between))])
 
 

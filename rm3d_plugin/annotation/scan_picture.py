@@ -58,7 +58,7 @@ class ScanPicture:
         step = -(-len(self._xyz) // SHOWN)
         every = np.arange(0, len(self._xyz), step)
         self.shown: Int[np.ndarray, ' shown'] = every[(self._xyz[every, 2] >= low) & (self._xyz[every, 2] <= high)]
-        self._width = size * self._spacing * float(np.sqrt(step)) / 2
+        self._width = size * self._spacing * float(np.sqrt(step)) / 2  # half of what is drawn, as viser counts
         self._cloud: Any = None
 
     def paint(self, colors: UInt8[np.ndarray, 'shown 3']) -> None:
@@ -72,6 +72,9 @@ class ScanPicture:
         """Show where labels were given."""
         points = np.flatnonzero(annotated >= 0)
         points = points[:: -(-len(points) // MOST_DOTS) or 1]
+        if not len(points):
+            self._scene.remove_by_name('clicks')
+            return
         self._points('clicks', points, np.full((len(points), 3), 255, np.uint8), 3 * self._width)
 
     def _points(self, name: str, points: np.ndarray, colors: np.ndarray, width: float) -> Any:
@@ -105,7 +108,7 @@ class ScanPicture:
 
     def met(self, event: Any) -> int | None:
         """The point that a click meets."""
-        row = point_hit(self._xyz[self.shown], event.ray_origin, event.ray_direction, self._width)
+        row = point_hit(self._xyz[self.shown], event.ray_origin, event.ray_direction, 2 * self._width)
         return None if row is None else int(self.shown[row])
 
     def in_rectangle(self, event: Any) -> list[int]:
@@ -144,8 +147,8 @@ class ScanPicture:
         away = np.asarray(client.camera.position) - place
         away = away if away.any() else np.array([0.0, 0.0, 1.0])
         length = min(float(np.linalg.norm(away)), NEAR * self._spacing)
-        client.camera.look_at = place
         client.camera.position = place + length * clearest_way(self._xyz[self.shown], place, away, length)
+        client.camera.look_at = place  # after the position, which takes it along
 
 
 def camera_of(client: Any) -> Camera:

@@ -47,7 +47,7 @@ class Session:
         ConfigError: Two scans have one name.
         ClickFileError: The log cannot be used, or holds clicks of another scan.
         FolderInUseError: Another session writes the log.
-        SceneError: There is no scan.
+        SceneError: There is no scan, or one of them is no file.
     """
 
     def __init__(
@@ -61,6 +61,9 @@ class Session:
         if not scans:
             raise SceneError('a session needs a scan, got none')
         check_names(scans, [scan.stem for scan in scans])
+        for scan in scans:
+            if not Path(scan).is_file():
+                raise SceneError(f'{scan}: no such file')
         self._paths = {scan.stem: Path(scan) for scan in scans}
         self.columns, self._drop_nan, self._open = columns, drop_nan, dict[str, AnnotatedScan]()
         path = log or default_log(scans)

@@ -108,6 +108,10 @@ class Training:
             self._process.terminate()
             self._process.wait()
 
+    def labelled(self, scan: str) -> bool:
+        """Whether it is done and has labels of a scan."""
+        return not self.running and self._process.returncode == 0 and scan in self._scans
+
     def difference(self, scan: str) -> Difference:
         """What the labels of the training would change in a scan.
 

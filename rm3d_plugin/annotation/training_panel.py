@@ -115,13 +115,16 @@ class TrainingPanel:
             self._timer.start()
         else:
             self._bar.visible = False
-            self.show()
+            self._show(training)
 
-    def show(self) -> None:
-        """Compare the labels of the last training with those of now in the scan that is shown."""
-        if self._training is None or self._training.running:
-            return
-        found = self._training.difference(self._page.name)
+    def opened(self) -> None:
+        """Compare where another scan is shown that the last training has labels of."""
+        if self._training is not None and self._training.labelled(self._page.name):
+            self._show(self._training)
+
+    def _show(self, training: Training) -> None:
+        """Compare the labels of a training with those of now in the scan that is shown."""
+        found = training.difference(self._page.name)
         self._found[self._page.name] = found
         changes = int((found.semantic >= 0).sum())
         self._say(f'{"" if found.heard else NO_SAY + "; "}{changes} points would change')

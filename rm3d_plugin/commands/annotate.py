@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rm3d_plugin.annotation.demo_room import write_demo_room
 from rm3d_plugin.annotation.session import Session
-from rm3d_plugin.commands.numbers import number
+from rm3d_plugin.commands.numbers import number, whole
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.inference.predict import find_scans
 from rm3d_plugin.storage.columns import ENDINGS
@@ -28,7 +28,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Open a session and its page, until Ctrl-C."""
     args = _parser().parse_args(arguments)
     if args.demo == bool(args.scans):
-        raise ConfigError('annotate: expected scans, or --demo')
+        raise ConfigError('annotate: expected scans, or --demo; scans come before --classes')
+    for name in args.classes:
+        if ',' in name:
+            raise ConfigError(f'annotate: --classes: got {name!r}; split names by blanks: road building')
     try:
         from rm3d_plugin.annotation.page import AnnotationPage, Outputs
     except ModuleNotFoundError as error:
@@ -37,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     out = args.out or scans[0].parent / 'labelled'
     with Session(scans, args.log, args.classes, args.columns, args.drop_nan) as session:
         print(f'{len(scans)} scans; clicks: {session.log.path}; labels: {out}', flush=True)
+        session.scan(session.scans[0])  # before the page, so that a scan that cannot be read is all that is said
         print('neighbours and features of the first scan ...', flush=True)
         outputs = Outputs(out, args.train or MINUTES, args.train is not None, tuple(args.cfg_options))
         page = AnnotationPage(session, outputs, args.port)
@@ -78,6 +82,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--cfg-options', nargs='+', default=[], metavar='KEY=VALUE', help='config keys of trainings, see rm3d label'
     )
-    parser.add_argument('--port', type=int, default=8080, help='of the page; the next free one; default 8080')
+    parser.add_argument(
+        '--port', type=whole(1, 65535), default=8080, help='of the page; the next free one; default 8080'
+    )
     parser.add_argument('--no-browser', action='store_true', help='print where the page is, open none')
     return parser

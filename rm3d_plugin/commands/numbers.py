@@ -5,16 +5,17 @@ from collections.abc import Callable
 from math import inf, isfinite
 
 
-def whole(least: int = 1) -> Callable[[str], int]:
-    """A whole number from ``least`` on, as argparse's ``type``."""
+def whole(least: int = 1, most: float = inf) -> Callable[[str], int]:
+    """A whole number from ``least`` on, at most ``most``, as argparse's ``type``."""
+    end = '' if most == inf else f' to {most:.0f}'
 
     def convert(text: str) -> int:
         try:
             number = int(text)
         except ValueError:
             number = least - 1
-        if number < least:
-            raise argparse.ArgumentTypeError(f'expected a whole number from {least}, got {text}')
+        if not least <= number <= most:
+            raise argparse.ArgumentTypeError(f'expected a whole number from {least}{end}, got {text}')
         return number
 
     return convert

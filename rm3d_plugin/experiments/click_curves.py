@@ -13,6 +13,7 @@ from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label
 from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
 
 NEAREST, OURS = 'nearest click', 'ours'  # how labels spread
+BOUND = 'commonest classes', 'whole classes'  # no way of clicking and spreading is better: a click names one class
 
 
 class Curve(NamedTuple):
@@ -21,7 +22,7 @@ class Curve(NamedTuple):
     Attributes:
         scan: Name.
         score: By which the next click was chosen.
-        labels: How they spread: :data:`NEAREST` or :data:`OURS`.
+        labels: How they spread: :data:`NEAREST` or :data:`OURS`; :data:`BOUND` is the most that is possible.
         seed: Of what is by chance.
         right: Percent of the points with a class that are right after each click.
     """
@@ -34,7 +35,7 @@ class Curve(NamedTuple):
 
 
 def curves_of(scan: Scan, scores: Sequence[str], seeds: Sequence[int], clicks: int) -> Iterator[Curve]:
-    """Curves of a scan; labels spread by ours and by the nearest click, which is chosen for by ours, too.
+    """Curves of a scan; labels spread by ours and by the nearest click, which is chosen for by ours, too; the bound.
 
     Args:
         scan: With its classes.
@@ -45,6 +46,7 @@ def curves_of(scan: Scan, scores: Sequence[str], seeds: Sequence[int], clicks: i
     live = LivePropagation(prepare_cloud(scan.cloud))
     chooser = ClickChooser(live, scan.semantic)
     for seed in seeds:
+        yield Curve(scan.name, *BOUND, seed, most_right(scan.semantic, clicks))
         for name in scores:
             points, right = _clicked(scan, live, chooser.by(name, seed), clicks, seed)
             yield Curve(scan.name, name, OURS, seed, right)
@@ -80,6 +82,17 @@ def nearest_right(scan: Scan, points: Int[np.ndarray, ' clicked']) -> float:
     return percent_right(
         scan.semantic[points][nearest_label(scan.cloud.xyz, points, np.arange(len(points)))], scan.semantic
     )
+
+
+def most_right(semantic: Int[np.ndarray, ' points'], clicks: int) -> list[float]:
+    """The most percent that can be right after each click: all points of as many classes, the commonest first.
+
+    >>> most_right(np.array([0, 1, 1, 2, 1, -1]), 4)
+    [60.0, 80.0, 100.0, 100.0]
+    """
+    sizes = np.sort(np.bincount(semantic[semantic >= 0]))[::-1]
+    reached = np.minimum(np.arange(clicks), len(sizes) - 1)
+    return (100.0 * np.cumsum(sizes) / sizes.sum())[reached].tolist()
 
 
 def percent_right(said: Int[np.ndarray, ' points'], semantic: Int[np.ndarray, ' points']) -> float:

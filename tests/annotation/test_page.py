@@ -14,14 +14,27 @@ pytest.importorskip('viser', reason='the page needs rm3d_plugin[annotate]')
 from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # noqa: E402
 
 
+class Camera(SimpleNamespace):
+    """As viser's: what is looked at moves with the position."""
+
+    @property
+    def position(self):
+        return self._position
+
+    @position.setter
+    def position(self, place):
+        self.look_at = self.look_at + (np.asarray(place) - self._position)
+        self._position = np.asarray(place)
+
+
 class Client:
     """A browser that keeps what it is told."""
 
     def __init__(self):
         self.told = []
         down = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x: the picture's right is x, its down is -y
-        self.camera = SimpleNamespace(
-            position=np.array([1.5, 1.5, 20.0]), look_at=np.array([1.5, 1.5, 0.0]), wxyz=down, fov=0.3, aspect=1.0
+        self.camera = Camera(
+            _position=np.array([1.5, 1.5, 20.0]), look_at=np.array([1.5, 1.5, 0.0]), wxyz=down, fov=0.3, aspect=1.0
         )
 
     def add_notification(self, title, text, **options):
@@ -108,6 +121,8 @@ def test_the_suggestion_is_shown_and_the_labels_settle_with_what_is_known_of_the
     client = Client()
     page._suggest(client)
     assert 'Click the red ball: much of the scan looks like this' in page._status.content
+    np.testing.assert_allclose(client.camera.look_at, page.picture._mark.position)
+    assert np.linalg.norm(client.camera.position - client.camera.look_at) <= 60.001 * page.picture._spacing
     for point in few(semantic, 6):
         page._class.value = page.session.classes[semantic[point]]
         page._clicked(at(page, point))
@@ -191,6 +206,7 @@ def test_a_second_tab_is_told(opened, monkeypatch):
 
 def test_a_click_need_not_wait_for_the_labels_to_settle_and_overtakes_them(opened, monkeypatch):
     page, semantic = opened
+    monkeypatch.setattr('rm3d_plugin.annotation.page.SETTLE', 1000.0)  # it settles when asked, however slow the machine
     points, asked = few(semantic, 1), page.session.settled
 
     def slow(name):

@@ -82,6 +82,13 @@ def test_a_place_under_a_roof_is_looked_at_from_the_side():
     assert np.linalg.norm(way) == pytest.approx(1) and way[2] == pytest.approx(np.sin(np.deg2rad(20)))
 
 
+def test_a_place_that_a_single_point_hides_is_looked_at_from_beside_it():
+    place, before = np.zeros(3), np.array([1.0, 0.0, 1.0]) / np.sqrt(2)
+    hides, in_the_ball = 0.15 * before[None], 0.03 * before[None]
+    np.testing.assert_allclose(clearest_way(in_the_ball, place, before, 1.0), before)
+    assert clearest_way(hides, place, before, 1.0) @ before < 0.999
+
+
 def test_a_lasso_holds_what_a_polygon_of_the_picture_shows():
     camera = Camera(np.array(EYE), DOWN, 2 * np.arctan(0.2), 1.0)  # the picture is 4 m wide at the floor
     triangle = np.array([(0.5, 0.25), (0.75, 0.5), (0.5, 0.5)])  # corners (0, 1), (1, 0) and (0, 0) on the floor

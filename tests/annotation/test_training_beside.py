@@ -49,6 +49,7 @@ def test_the_labels_of_a_training_arrive_as_a_difference_that_is_accepted_in_par
     monkeypatch.setattr(Training, '_command', short)
     training = ended(Training(session, TrainingPlan(tmp_path / 'out', 20.0, ['seed=1'])))
     assert training.told() == 'training is done' and training.progress == 1.0
+    assert training.labelled('corner') and not training.labelled('another')
     said = read_ply(tmp_path / 'out' / 'corner.ply')['label']  # numbers by the alphabet: floor 0, wall 1
     for point in few(corner()[1], 3, seed=1).tolist():
         session.click('corner', point, 'wall')  # others are wrong since then
@@ -78,7 +79,7 @@ def test_a_training_that_fails_or_is_stopped_is_told(session, tmp_path, monkeypa
     assert not training.running and training.told().startswith('training ended with -15')
     monkeypatch.setattr(Training, '_command', lambda self: [sys.executable, '-c', 'raise SystemExit("no room")'])
     failed = ended(Training(session, TrainingPlan(tmp_path / 'b', 1.0)))
-    assert failed.told() == 'training ended with 1: no room'
+    assert failed.told() == 'training ended with 1: no room' and not failed.labelled('corner')
     with pytest.raises(SceneError, match='ended with 1: no room'):
         failed.difference('corner')
 

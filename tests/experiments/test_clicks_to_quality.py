@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from rm3d_plugin.baselines.redal import surface_interest
 from rm3d_plugin.baselines.redal.score import CLIPPED, GRADIENT, NEIGHBORS, VARIATION
 from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan
-from rm3d_plugin.experiments.click_curves import NEAREST, OURS, Curve, clicks_to, curves_of
+from rm3d_plugin.experiments.click_curves import BOUND, NEAREST, OURS, Curve, clicks_to, curves_of
 from rm3d_plugin.experiments.next_click import SCORES, ClickChooser
 from rm3d_plugin.experiments.render import to_csv, to_markdown
 from rm3d_plugin.experiments.spec import Request
@@ -37,7 +37,10 @@ def curves(scan):
 
 def test_the_annotator_clicks_as_told_and_is_scored_on_known_points(scan, curves):
     found = {(curve.score, curve.labels, curve.seed): curve.right for curve in curves}
-    assert len(found) == len(SCORES) * 2 * 2 and {len(right) for right in found.values()} == {CLICKS}
+    assert len(found) == (len(SCORES) * 2 + 1) * 2 and {len(right) for right in found.values()} == {CLICKS}
+    most = found[*BOUND, 0]
+    assert most[1:] == [100.0] * (CLICKS - 1)  # two classes
+    assert all(right[0] <= most[0] + 1e-9 for right in found.values())
     ours = found['ours', OURS, 0]
     assert ours[1] > 85 > 70 > ours[0]  # the second click is on the other class
     assert np.mean(ours) > np.mean(found['ours', NEAREST, 0])

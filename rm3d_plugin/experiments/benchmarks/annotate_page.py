@@ -25,6 +25,8 @@ SPACINGS = {100_000: 0.02, 1_000_000: 0.006}  # m between points of a room that 
 CLASSES = ('a', 'b', 'c')
 LEAST = 0.3  # bytes a shown point, of a message that brings its colours
 WAIT = 300.0  # seconds for an answer, at most
+STROKE = 100_000  # points that are labelled at once
+REPEATS = 5  # of labels without a browser
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,12 +58,12 @@ def _room(folder: Path, count: int) -> Path:
 
 
 def measure(scan: Path, folder: Path, clicks: int) -> dict[str, Any]:
-    """Open a scan, and click in a browser.
+    """Open a scan, label it without a browser, and click in one.
 
     Args:
         scan: The file.
         folder: For the log.
-        clicks: Timed ones; one before them is not.
+        clicks: Timed ones in the browser; one before them is not.
     """
     from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # viser is an extra
 
@@ -76,11 +78,29 @@ def measure(scan: Path, folder: Path, clicks: int) -> dict[str, Any]:
                 found |= _answers(page, session, clicks)
         finally:
             page.stop()
+        found |= _labels(session, session.scans[0])
     return found | {'peak memory, MB': memory_mb('VmHWM')}
 
 
+def _labels(session: Session, scan: str) -> dict[str, float]:
+    """Median seconds of processor until every point has its label: after a click, and after a stroke."""
+    count = len(session.scan(scan).cloud)
+    along = np.argsort(session.scan(scan).cloud.xyz[:, 0], kind='stable')
+    strokes = {'click': 1, f'stroke of {min(STROKE, count)}': min(STROKE, count)}
+    out: dict[str, float] = {}
+    for name, size in strokes.items():
+        times, starts = [], np.linspace(0, count - size, REPEATS + 1).astype(np.int64)
+        for number, start in enumerate(starts.tolist()):
+            spent = time.process_time()
+            session.brush(scan, along[start : start + size].tolist(), CLASSES[number % len(CLASSES)])
+            session.labels(scan)
+            times.append(time.process_time() - spent)
+        out[f'{name} to labels, s of processor'] = round(statistics.median(times[1:]), 3)
+    return out
+
+
 def _answers(page: Any, session: Session, clicks: int) -> dict[str, float]:
-    """Median seconds from a click to the message with colours, and to the frame that shows them."""
+    """Seconds from a click to the message with colours, and to the frame that shows them: median and least."""
     from playwright.sync_api import sync_playwright
 
     chromium = shutil.which('chromium') or shutil.which('chromium-browser')
@@ -99,8 +119,12 @@ def _answers(page: Any, session: Session, clicks: int) -> dict[str, float]:
         tab.wait_for_selector('canvas')
         times = [_click(tab, came, number) for number in range(clicks + 1)][1:]
         browser.close()
-    message, frame = (round(statistics.median(each), 2) for each in zip(*times, strict=True))
-    return {'click to message, s': message, 'click to frame, s': frame}
+    message, frame = zip(*times, strict=True)
+    return {
+        'click to message, s': round(statistics.median(message), 2),
+        'click to frame, s': round(statistics.median(frame), 2),
+        'click to frame, least s': round(min(frame), 2),
+    }
 
 
 def _click(tab: Any, came: list[float], number: int) -> tuple[float, float]:

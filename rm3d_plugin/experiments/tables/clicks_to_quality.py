@@ -11,7 +11,7 @@ from jaxtyping import Float
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments.benchmarks.clicks_to_quality import AT, GOALS
 from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan, made_up_rooms, oakland, semantickitti
-from rm3d_plugin.experiments.click_curves import OURS, Curve, clicks_to, curves_of
+from rm3d_plugin.experiments.click_curves import BOUND, OURS, Curve, clicks_to, curves_of
 from rm3d_plugin.experiments.kept import kept_rows
 from rm3d_plugin.experiments.next_click import SCORES
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section
@@ -74,6 +74,7 @@ def fill_clicks(curves: dict[str, list[Curve]], seeds: Sequence[int]) -> FilledT
         notes=(
             'Percent: the mean of scans and seeds. Clicks: the mean over the scans of the median of the seeds; a run '
             f'that misses the goal within {clicks} clicks counts as {clicks + 1}.',
+            f'{", ".join(BOUND)}: the most that is possible, all points of as many classes as there are clicks.',
         ),
         sections=tuple(_section(title, own) for title, own in shown.items()),
         records=tuple(_record(group, curve) for group, own in curves.items() for curve in own),
@@ -113,7 +114,7 @@ def _cells(right: Float[np.ndarray, 'scans seeds clicks'], at: Sequence[int]) ->
 def _panel(title: str, curves: Sequence[Curve]) -> LinePanel:
     clicks = len(curves[0].right)
     kinds = dict.fromkeys((curve.score, curve.labels) for curve in curves)
-    kinds = {kind: None for kind in kinds if kind[1] == OURS or kind[0] == 'chance'}
+    kinds = {kind: None for kind in kinds if kind[1] == OURS or kind[0] == 'chance' or kind == BOUND}
     ticks = [str(count) if count in (1, *AT) else '' for count in range(1, clicks + 1)]
     lines = {', '.join(kind): _of_kind(curves, kind).mean(axis=(0, 1)).tolist() for kind in kinds}
     return LinePanel(title, 'clicks', ticks, lines)
