@@ -123,5 +123,5 @@ def _command(arguments: Sequence[str], log: int, lock: int, answer: int) -> int:
     os.dup2(log, sys.stdout.fileno())
     os.dup2(log, sys.stderr.fileno())
     main = import_module('rm3d_plugin.commands.main').main
-    code: int = main(arguments)
-    return code
+    result: int = main(arguments)
+    return result
