@@ -114,7 +114,9 @@ model = dict(
     iou_head='${iou_head}',
     losses='${losses}',
     fuse_iou=0.3,
+    tta_views='${tta_views}',
 )
+tta_views = [[False, 0.0], [True, 0.0]]  # at test time: mirrored, turned by so many radians; None: as scanned alone
 
 iou_head = None  # '${box_iou_head}', with iou_loss='${box_overlap}': scores are multiplied by how well a box fits
 box_iou_head = dict(type='BoxIoUHead')
@@ -132,7 +134,8 @@ losses = [
 ]
 method_loss = None  # of a compared method
 method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
-vote_loss = dict(type='VoteNetLoss', loss_weight=10.0)
+pseudo_geometry = 1.0  # how far pseudo boxes teach where a box lies; 0: annotated ones alone do
+vote_loss = dict(type='VoteNetLoss', loss_weight=10.0, pseudo_geometry='${pseudo_geometry}')
 point_loss = dict(
     type='WeakSupervision',
     balance='batch',
@@ -151,7 +154,6 @@ class_prototypes = dict(type='ClassPrototypes', num_classes='${num_classes}', ch
 budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 graph_neighbors = 8
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it, and axis-aligned boxes
-mirror = False  # True: pseudo boxes are those that the network sees in the mirrored scene, too
 teacher = None  # '${predicted_boxes}': predicted boxes become pseudo boxes, in place of groups of regions by `objects`
 predicted_boxes = dict(share=0.7)
 self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
@@ -171,7 +173,6 @@ label_maker = dict(
     objects='${objects}',
     self_training='${self_training}',
     teacher='${teacher}',
-    mirror='${mirror}',
 )
 custom_hooks = [
     dict(type='EpochSeedHook'),

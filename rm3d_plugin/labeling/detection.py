@@ -28,7 +28,7 @@ from rm3d_plugin.pseudo_labels import (
 )
 from rm3d_plugin.pseudo_labels.common.strategy import Strategy
 from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes, size_ranges
-from rm3d_plugin.pseudo_labels.detection.objects import score_limits
+from rm3d_plugin.pseudo_labels.detection.objects import most_boxes, score_limits
 from rm3d_plugin.pseudo_labels.detection.refresh import find_candidates
 from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, box_limits, expected_from_whole, joined_shown
 from rm3d_plugin.registry import TASK_UTILS
@@ -52,8 +52,6 @@ class DetectionLabelMaker(LabelMaker):
         self_training: Fields of :class:`~rm3d_plugin.pseudo_labels.SelfTrainingRules`, or None; ``holdout`` is of
             segmentation.
         teacher: Fields of :class:`~rm3d_plugin.pseudo_labels.TeacherRules`, or None: groups of regions become boxes.
-        mirror: Every scene is predicted a second time, mirrored; see
-            :func:`~rm3d_plugin.engine.mirrored_view.agreed_prediction`. Prediction takes twice as long.
         default_sizes: (C, 3) metres, for classes without an annotated box.
         geometry: Further arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`: ``cache``,
             ``descriptor``, ``oversegmenter``, ``graph_neighbors``, ``max_gap``.
@@ -74,12 +72,10 @@ class DetectionLabelMaker(LabelMaker):
         objects: Mapping[str, Any] | None = None,
         self_training: Mapping[str, Any] | None = None,
         teacher: Mapping[str, Any] | None = None,
-        mirror: bool = False,
         default_sizes: Sequence[Sequence[float]] | None = None,
         **geometry: Any,
     ) -> None:
         super().__init__(store, source)
-        self.mirror = mirror
         self.rules = detection_rules(strategy, merge, objects, self_training, teacher)
         self.scenes = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._default_sizes = None if default_sizes is None else np.asarray(default_sizes, dtype=np.float64)
@@ -161,7 +157,8 @@ class DetectionLabelMaker(LabelMaker):
         elif fractions is not None:
             found = [self._result(number, scene, seen).candidates for scene, seen in first]
             everywhere = [boxes for part in all_gather_object(found) for boxes in part]
-            self._limits = score_limits(_joined(everywhere), classes, fractions, number)
+            ratio = len(self.index_of) / max(len(everywhere), 1)
+            self._limits = score_limits(_joined(everywhere), classes, fractions, number, self._most(number) / ratio)
         return chain(first, rest)
 
     def _limits_of_boxes(
@@ -192,6 +189,12 @@ class DetectionLabelMaker(LabelMaker):
             told = [row.get('expected') for row in rows]
             return None if None in told else np.array(told, dtype=np.float64)
         return expected_from_whole(counts, len(self.index_of) - len(whole))
+
+    def _most(self, number: int) -> Float[np.ndarray, ' classes']:
+        """See :func:`most_boxes`."""
+        rounds = [self.store.summary(earlier)['boxes'].values() for earlier in range(1, number)]
+        found = [[row['pseudo'] for row in boxes] for boxes in rounds]
+        return most_boxes(found, self.class_counts[: len(self.mean_sizes)], self.rules.objects.max_growth)
 
     def _inputs(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneInputs:
         previous = self.store.read(scene_id, number - 1) if number else None

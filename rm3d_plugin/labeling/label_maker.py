@@ -45,7 +45,6 @@ class LabelMaker(ABC):
     """
 
     task: ClassVar[Task]
-    mirror: bool = False  # whether the network is to look at every scene a second time, mirrored
 
     def __init__(self, store: str | Path, source: Mapping[str, Any] | LabelSource) -> None:
         self.store = LabelStore(store)

@@ -8,6 +8,7 @@ from mmengine.config import Config
 
 from rm3d_plugin.datasets.base import Truth
 from rm3d_plugin.engine.hooks.run_record_hook import final_records, score_records
+from rm3d_plugin.labeling.round_summary import box_warnings
 from rm3d_plugin.reporting.scores import (
     headlines,
     label_charts,
@@ -67,6 +68,10 @@ def scene_picture(
     return Picture(caption, draw_bev(panels))
 
 
+def _told(number: int, summary: Mapping[str, Any]) -> dict[str, Any]:
+    return {'round': number, **summary, 'warnings': box_warnings(summary)}
+
+
 def run_report(
     config: Config,
     record: Mapping[str, Any],
@@ -79,7 +84,7 @@ def run_report(
     times: Sequence[RoundTime] = (),
 ) -> RunReport:
     """Everything the page shows; ``views`` and ``merges`` in segmentation only."""
-    rounds = [{'round': number, **store.summary(number)} for number in store.rounds()]
+    rounds = [_told(number, store.summary(number)) for number in store.rounds()]
     charts = [*loss_charts(record['losses']), score_chart(score_records(record)), *label_charts(rounds)]
     final = final_records(record)
     told = rounds and (has_estimate(rounds[-1]) or any(record.table == 'agreement' for record in final))

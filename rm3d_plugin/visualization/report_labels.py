@@ -21,7 +21,7 @@ def label_section(rounds: Sequence[Mapping[str, Any]]) -> str:
         return ''
     if not any(entry.get('boxes') for entry in rounds):
         return section('labels', 'Pseudo labels', _SEGMENTATION_WORDS + _estimate_table(rounds) + _class_table(rounds))
-    parts = [_point_table(rounds), _box_table(rounds)]
+    parts = [_point_table(rounds), _box_table(rounds), _warnings(rounds)]
     words = (
         '<p>Coverage is the share of all points with a label. Precision is the share of correct pseudo labels; recall '
         'of boxes is over the true boxes that the budget hides. Training never sees the truth that these are '
@@ -90,6 +90,16 @@ def _box_table(rounds: Sequence[Mapping[str, Any]]) -> str:
         body.append(row)
     head = [('Round', ()), *((name, ('annotated', 'pseudo', 'precision', 'recall')) for name in names)]
     return grouped_table(head, body, 'Boxes')
+
+
+def _warnings(rounds: Sequence[Mapping[str, Any]]) -> str:
+    """Classes without a pseudo box, or with far more than there seem to be, and the step that lost or made them."""
+    told = [
+        f'<li>Round {entry.get("round", place)}: {escape(text)}</li>'
+        for place, entry in enumerate(rounds)
+        for text in entry.get('warnings', ())
+    ]
+    return f'<p>Warnings:</p><ul class="warnings">{"".join(told)}</ul>' if told else ''
 
 
 def _names(rounds: Sequence[Mapping[str, Any]], key: str) -> list[str]:

@@ -17,6 +17,7 @@ DATA = {
     'kitti': (KittiDataset, KittiMetric, 'KITTI was looked for at'),
     'waymo': (WaymoDataset, WaymoMetric, 'Waymo was looked for at'),
     'scannet': (InstanceBoxDataset, IndoorDetMetric, 'ScanNet was looked for at'),
+    's3dis': (InstanceBoxDataset, IndoorDetMetric, 'S3DIS'),
 }
 MEASURED = [path for path in DETECTION if 'files' in path.stem]  # tests/engine/test_measured.py
 FIXED = [path for path in DETECTION if path not in MEASURED]

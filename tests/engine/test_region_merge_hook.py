@@ -23,8 +23,6 @@ from rm3d_plugin.structures import LabelStatistics, SceneError, SceneSample
 class CountingLabelMaker:
     """Notes what it is asked to do, in order."""
 
-    mirror = False
-
     def __init__(self, finished: tuple[int, ...] = ()) -> None:
         self.events: list[tuple[Any, ...]] = []
         self.finished = set(finished)

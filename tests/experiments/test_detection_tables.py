@@ -19,7 +19,8 @@ def test_each_mechanism_is_options_of_its_config(row):
     hook = next(hook for hook in config.custom_hooks if hook.type == 'RegionMergeHook')
     assert (hook.label_maker.teacher is None) == ('teacher' not in row.options)
     assert (config.model.iou_head is None) == ('BoxOverlap' not in [loss.type for loss in config.model.losses if loss])
-    assert hook.label_maker.mirror == row.options.get('mirror', False)
+    assert (config.model.tta_views is None) == ('tta_views' in row.options)
+    assert config.model.losses[0].pseudo_geometry == row.options.get('pseudo_geometry', 0.0)
 
 
 def test_prototypes_have_the_channels_of_the_network():

@@ -86,6 +86,7 @@ def test_measured_tables_of_labels_have_both_strategies_and_what_is_trivial():
         'descriptors-overseg',
         'descriptors-matching',
         'robustness-card',
+        'unsupervised-instances',
         'clicks-to-quality',
         'octree',
         'figures',

@@ -35,6 +35,7 @@ ROUNDS = [
         'truth_known': False,
         'points': {},
         'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'correct': 0}},
+        'warnings': ['Cyclist: no pseudo box; of 9 candidates size took 7 <all>'],
     },
 ]
 RUN = RunReport(
@@ -112,6 +113,7 @@ def test_page_holds_the_numbers(reader):
     assert ['2', '5.0 s', '2.0 s', '–', '–', '–'] in reader.rows
     assert ['descriptor', 'AdaptedPFH'] in reader.rows
     text = ' '.join(reader.words)
+    assert 'Round 5: Cyclist: no pseudo box; of 9 candidates size took 7 <all>' in text
     assert '51.24' in text and 'cafe01' in text and 'seed 7' in text and 'synthetic' in text
 
 

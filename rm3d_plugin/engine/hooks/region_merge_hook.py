@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import torch
 from mmengine.dist import barrier, is_main_process
 from mmengine.hooks import Hook
 from mmengine.runner import IterBasedTrainLoop, Runner
@@ -10,8 +11,8 @@ from tqdm import tqdm
 
 from rm3d_plugin.engine.config_files import ConfigError
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import forget_checkpoints
-from rm3d_plugin.engine.mirrored_view import predict_scenes
 from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
+from rm3d_plugin.engine.scene_prediction import scene_prediction
 from rm3d_plugin.labeling.label_maker import LabelMaker
 from rm3d_plugin.pseudo_labels import PointPrediction
 from rm3d_plugin.registry import HOOKS, TASK_UTILS
@@ -166,7 +167,8 @@ class RegionMergeHook(Hook):
         batches = tqdm(self.dataloader, desc=why, disable=not is_main_process())
         for batch in batches:  # the sampler gives each process its share
             watch = Stopwatch()
-            found = predict_scenes(model, batch, self.label_maker.mirror)
+            with torch.no_grad():
+                found = [scene_prediction(sample) for sample in model.test_step(batch)]
             self._predicting = self._predicting.plus(watch.read())
             yield from found
         _unwrapped(model).predict_points = False

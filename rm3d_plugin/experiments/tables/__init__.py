@@ -21,6 +21,7 @@ from rm3d_plugin.experiments.tables.rooms import ROOMS, ROOMS_BUDGETS, ROOMS_INS
 from rm3d_plugin.experiments.tables.rotation import ROTATION
 from rm3d_plugin.experiments.tables.streets import KITTI, STREETS, STREETS_BUDGETS
 from rm3d_plugin.experiments.tables.transfer import TRANSFER
+from rm3d_plugin.experiments.tables.unsupervised_instances import unsupervised_table
 
 TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     'kitti-demo': KITTI,
@@ -65,6 +66,9 @@ TABLES: dict[str, Table | PaperTable | MeasuredTable] = {
     'robustness-card': MeasuredTable(
         'Similarity of the same point after turning, dropping points and noise', robustness_table
     ),
+    'unsupervised-instances': MeasuredTable(
+        'Instances without a single label: regions merged by geometry and colour', unsupervised_table
+    ),
     'octree': MeasuredTable("Radius search: ours, other programs, and each of the octree's rules", octree_table),
     'figures': MeasuredTable(
         'Pictures of labels by round and of regions by descriptor; quality of labels',
@@ -101,6 +105,7 @@ ALL = (
     'descriptors-overseg',
     'descriptors-matching',
     'robustness-card',
+    'unsupervised-instances',
     'octree',
 )
 """What ``reproduce all`` makes, in order of worth: where time is short, the last are left out."""

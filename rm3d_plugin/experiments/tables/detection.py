@@ -9,15 +9,24 @@ LEAF, ALONE, FULL = 'rm3d_votenet_kitti_1pct', 'sup_votenet_kitti_1pct', 'sup_vo
 TEACHER: dict[str, Any] = {'teacher': '${predicted_boxes}'}
 IOU: dict[str, Any] = {'iou_head': '${box_iou_head}', 'iou_loss': '${box_overlap}'}
 ANY: dict[str, Any] = {'predicted_boxes': {'recognised': 0.0}}
-ALL: dict[str, Any] = TEACHER | IOU | {'mirror': True}
+GEOMETRY: dict[str, Any] = {'pseudo_geometry': 1.0}
+ONE: dict[str, Any] = {'tta_views': None}
+ALL: dict[str, Any] = TEACHER | IOU
 MECHANISMS = Table(
     title=f'{KITTI.title}; mechanism by mechanism',
     rows=(
+        Row('labelled boxes alone, one view at test time', ALONE, ONE),
         Row('labelled boxes alone', ALONE),
         Row('groups of regions become boxes, best share by round (the default)', LEAF),
-        Row('predicted boxes become boxes', LEAF, TEACHER | ANY),
-        Row('+ IoU head', LEAF, TEACHER | ANY | IOU),
-        Row('+ mirrored view', LEAF, ALL | ANY),
+        Row('the same, where boxes lie is learnt from pseudo boxes, too', LEAF, GEOMETRY),
+        Row(
+            'predicted boxes become boxes, where they lie is learnt from them, one view',
+            LEAF,
+            TEACHER | ANY | ONE | GEOMETRY,
+        ),
+        Row('+ all views', LEAF, TEACHER | ANY | GEOMETRY),
+        Row('+ where boxes lie is learnt from labelled ones alone', LEAF, TEACHER | ANY),
+        Row('+ IoU head', LEAF, ALL | ANY),
         Row('+ classes that are recognised alone', LEAF, ALL),
         Row('the same + reliable background alone', LEAF, ALL | {'unlabelled_weight': 0.0}),
         Row('the same + boxes fitted to the points', LEAF, ALL | {'predicted_boxes': {'refit': True}}),

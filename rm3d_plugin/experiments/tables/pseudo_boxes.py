@@ -6,11 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import torch
 from mmengine.dataset import pseudo_collate
 
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import checkpoints
-from rm3d_plugin.engine.mirrored_view import predict_scenes
 from rm3d_plugin.engine.run import label_hooks
+from rm3d_plugin.engine.scene_prediction import scene_prediction
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
 from rm3d_plugin.experiments.runner import Commands, run_folder, run_rows
 from rm3d_plugin.experiments.scale import scaled_row
@@ -31,17 +32,17 @@ HEADS = ('pseudo boxes', 'right', 'hidden')
 
 
 class Rule(NamedTuple):
-    """How labels are made: fields of the label maker that differ, and whether scenes are seen twice."""
+    """How labels are made: fields of the label maker that differ, and whether scenes are seen in all the test views."""
 
     fields: Mapping[str, Any]
-    mirror: bool = True
+    all_views: bool = True
 
 
 RULES = {
-    'groups of regions, best 40 % of each class': Rule({'teacher': None}, mirror=False),
-    'the same, confirmed in the mirrored scene': Rule({'teacher': None}),
-    'predicted boxes': Rule({'teacher': {'recognised': 0.0}}, mirror=False),
-    'predicted boxes, confirmed in the mirrored scene': Rule({'teacher': {'recognised': 0.0}}),
+    'groups of regions, best 40 % of each class, one view': Rule({'teacher': None}, all_views=False),
+    'groups of regions, all views': Rule({'teacher': None}),
+    'predicted boxes, one view': Rule({'teacher': {'recognised': 0.0}}, all_views=False),
+    'predicted boxes, all views': Rule({'teacher': {'recognised': 0.0}}),
     'the same, of classes whose annotated objects are recognised': Rule({'teacher': {}}),
     'the same, from half of the usual score on': Rule({'teacher': {'share': 0.5}}),
 }
@@ -93,15 +94,21 @@ def count_rules(folder: Path, seed: int) -> Iterator[BoxCounts]:
     dataset = DATASETS.build(network.config.label_dataloader.dataset)
     network.model.predict_points = True
     seen: dict[bool, list[tuple[str, PointPrediction]]] = {}
+    views = network.model.tta_views
     for name, rule in RULES.items():
-        if rule.mirror not in seen:
-            batches = (pseudo_collate([dataset[index]]) for index in range(len(dataset)))
-            seen[rule.mirror] = [
-                scene for batch in batches for scene in predict_scenes(network.model, batch, rule.mirror)
-            ]
-        for kind, boxes in summary_of_rule(network, folder, rule, seen[rule.mirror])['boxes'].items():
+        if rule.all_views not in seen:
+            network.model.tta_views = views if rule.all_views else views[:1]
+            seen[rule.all_views] = predictions(network, dataset)
+        for kind, boxes in summary_of_rule(network, folder, rule, seen[rule.all_views])['boxes'].items():
             hidden = boxes['true'] - boxes['annotated']
             yield BoxCounts(seed, name, kind, boxes['pseudo'], boxes['correct'], hidden)
+
+
+def predictions(network: TrainedNetwork, dataset: Any) -> list[tuple[str, PointPrediction]]:
+    """What the network says of each scene."""
+    with torch.no_grad():
+        said = [network.model.test_step(pseudo_collate([dataset[index]])) for index in range(len(dataset))]
+    return [scene_prediction(sample) for (sample,) in said]
 
 
 def summary_of_rule(

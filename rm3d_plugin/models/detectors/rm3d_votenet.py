@@ -1,7 +1,7 @@
 """The detector: sparse U-Net, point branch, votes, and the losses of METHOD 7."""
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import torch
 from mmengine.structures import BaseDataElement
@@ -9,9 +9,10 @@ from torch import Tensor, nn
 
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.detectors.point_features import CHANNELS, point_features
+from rm3d_plugin.models.detectors.tta_views import AS_SCANNED, TtaView, as_scanned, pool_views, seen
 from rm3d_plugin.models.heads.batch_labels import BatchLabels, join_labels
 from rm3d_plugin.models.heads.box_coder import decode_boxes
-from rm3d_plugin.models.heads.decode import class_scores, select_boxes
+from rm3d_plugin.models.heads.decode import Detections, class_scores, select_boxes
 from rm3d_plugin.models.outputs import DetectorOutput
 from rm3d_plugin.models.point_model import LossConfigs, PointModel
 from rm3d_plugin.ops.grouping import gather_groups
@@ -28,6 +29,23 @@ def detection_losses(num_classes: int) -> LossConfigs:
         {'type': 'ProposalDice'},
         {'type': 'SceneClasses', 'num_classes': num_classes},
     ]
+
+
+def _views(given: Sequence[Sequence[bool | float]] | None) -> tuple[TtaView, ...]:
+    if given is None:
+        return (AS_SCANNED,)
+    views = tuple(TtaView(bool(mirrored), float(turn)) for mirrored, turn in given)
+    if not views or views[0] != AS_SCANNED:
+        raise ValueError(f'RM3DVoteNet.tta_views: expected [False, 0.0] first, the scene as scanned, got {given}')
+    return views
+
+
+class _Seen(NamedTuple):
+    """What one view says: boxes of each scene as scanned, probabilities of the points, where they vote to (in it)."""
+
+    boxes: list[Detections]
+    probs: Tensor
+    centers: Tensor
 
 
 @MODELS.register_module()
@@ -57,6 +75,9 @@ class RM3DVoteNet(PointModel):
         fuse_iou: Overlap from above at which duplicates are averaged into the box that stays; None: they are dropped.
         max_boxes: Most boxes a scene.
         score_by_points: Scores also ask P_out of the grouped points.
+        tta_views: How scenes are seen at test time, (mirrored, turn in radians) each: what is found in all of them is
+            pooled, see :func:`~rm3d_plugin.models.detectors.tta_views.pool_views`. The first must be as scanned.
+            Prediction takes as many times as long. None: as scanned alone.
         data_preprocessor: ``ScenePreprocessor`` by default.
         init_cfg: As in mmengine.
     """
@@ -74,6 +95,7 @@ class RM3DVoteNet(PointModel):
         fuse_iou: float | None = None,
         max_boxes: int = 100,
         score_by_points: bool = False,
+        tta_views: Sequence[Sequence[bool | float]] | None = None,
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
     ) -> None:
@@ -82,6 +104,7 @@ class RM3DVoteNet(PointModel):
         self.heights = (float(heights[0]), float(heights[1]))
         self.score_threshold, self.nms_iou, self.fuse_iou = score_threshold, nms_iou, fuse_iou
         self.max_boxes, self.score_by_points = max_boxes, score_by_points
+        self.tta_views = _views(tta_views)
         channels = self.backbone.out_channels
         self.point_branch = nn.Linear(channels, num_classes + 1)
         head = {'type': 'VoteHead', **(vote_head or {}), 'in_channels': channels, 'num_classes': num_classes}
@@ -129,18 +152,27 @@ class RM3DVoteNet(PointModel):
         return labels._replace(fit_pairs=self.iou_head.pairs(boxes, outputs.fits, labels, votes.seeds))
 
     def predict(self, batch: Batch, samples: list[BaseDataElement]) -> None:
-        """Boxes; with ``predict_points`` also class probabilities and votes of all points."""
-        output = self.network(batch)
-        probs = output.logits.softmax(dim=1)
-        bounds, ends = batch.batch_offsets.tolist(), output.votes.anchor_offsets.tolist()
+        """Boxes; with ``predict_points`` also class probabilities of all points, and their votes as scanned."""
+        views = [self._see(batch, view) for view in self.tta_views]
         for i, sample in enumerate(samples):
-            self._fill_boxes(sample, output, probs, slice(ends[i], ends[i + 1]))
-            if self.predict_points:
-                rows = slice(bounds[i], bounds[i + 1])
-                sample.pred_point_probs = probs[rows].cpu()
-                sample.pred_point_centers = (batch.xyz[rows] + output.votes.offsets[rows]).cpu()
+            found = views[0].boxes[i]
+            if len(views) > 1:
+                found = pool_views([view.boxes[i] for view in views], self.nms_iou, self.fuse_iou, self.max_boxes)
+            sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d = found
+        if self.predict_points:
+            probs = torch.stack([view.probs for view in views]).mean(dim=0).split(batch.sizes)
+            for sample, own, centers in zip(samples, probs, views[0].centers.split(batch.sizes), strict=True):
+                sample.pred_point_probs, sample.pred_point_centers = own.cpu(), centers.cpu()
 
-    def _fill_boxes(self, sample: BaseDataElement, output: DetectorOutput, probs: Tensor, rows: slice) -> None:
+    def _see(self, batch: Batch, view: TtaView) -> _Seen:
+        """Boxes of each scene, as scanned, from one view."""
+        batch = seen(batch, view)
+        output = self.network(batch)
+        probs, ends = output.logits.softmax(dim=1), output.votes.anchor_offsets.tolist()
+        found = [self._boxes(output, probs, slice(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return _Seen([as_scanned(part, view) for part in found], probs, batch.xyz + output.votes.offsets)
+
+    def _boxes(self, output: DetectorOutput, probs: Tensor, rows: slice) -> Detections:
         votes = output.votes
         prediction = type(votes.prediction)(*(column[rows] for column in votes.prediction))
         members, group_probs = votes.members[rows], None
@@ -150,5 +182,4 @@ class RM3DVoteNet(PointModel):
         fits = None if output.fits is None else output.fits[rows].sigmoid()
         scores = class_scores(prediction, group_probs, fits)
         limits = (self.score_threshold, self.nms_iou, self.max_boxes, self.fuse_iou)
-        found = select_boxes(decode_boxes(prediction, votes.mean_sizes), scores, *limits)
-        sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d = found
+        return select_boxes(decode_boxes(prediction, votes.mean_sizes), scores, *limits)

@@ -23,10 +23,6 @@ def weighted_mean(values: Float[Tensor, ' rows'], weights: Float[Tensor, ' rows'
     return (values * weights).sum() / weights.sum().clamp_min(_EPS)
 
 
-def _mean(values: Tensor) -> Tensor:
-    return values.sum() / max(values.numel(), 1)
-
-
 def vote_loss(offsets: Float[Tensor, 'points 3'], targets: VoteTargets) -> Float[Tensor, '']:
     """Mean L1 distance (metres) between votes and centres, over the points of (pseudo) objects."""
     gap = (offsets[targets.points] - targets.offsets).abs().sum(dim=1)
@@ -53,20 +49,27 @@ def center_loss(
     anchor_offsets: Int[Tensor, ' scenes_and_one'],
     targets: ProposalTargets,
     labels: BatchLabels,
+    trust: Float[Tensor, ' boxes'],
 ) -> Float[Tensor, '']:
     """Positives to their box, plus every box that holds a point to the nearest centre of its scene."""
-    own = _mean(_huber(centers[targets.positives], targets.code.centers))
+    own = weighted_mean(_huber(centers[targets.positives], targets.code.centers), trust[targets.boxes])
     seen = torch.bincount(labels.instance[labels.instance >= 0], minlength=len(labels.boxes)) > 0
     if len(centers) == 0 or not bool(seen.any()):
         return own + 0.0 * centers.sum()
     gap = _huber(centers[None], labels.boxes[seen, None, :3])
     other = batch_index(labels.box_offsets)[seen][:, None] != batch_index(anchor_offsets)[None]
     nearest = gap.masked_fill(other, torch.inf).amin(dim=1)
-    return own + _mean(nearest[nearest.isfinite()])
+    there = nearest.isfinite()
+    return own + weighted_mean(nearest[there], trust[seen][there])
 
 
-def box_losses(prediction: BoxPrediction, positives: Int[Tensor, ' positives'], code: BoxCode) -> dict[str, Tensor]:
-    """Heading, size and class of the positives, each averaged over them."""
+def box_losses(
+    prediction: BoxPrediction,
+    positives: Int[Tensor, ' positives'],
+    code: BoxCode,
+    trust: Float[Tensor, ' positives'],
+) -> dict[str, Tensor]:
+    """Heading and size of the positives, averaged by how far each is trusted, and their class, each alike."""
     rows = torch.arange(len(positives), device=positives.device)
     turn = prediction.heading_residuals[positives][rows, code.heading_bins]
     stretch = prediction.size_residuals[positives][rows, code.classes]
@@ -76,11 +79,11 @@ def box_losses(prediction: BoxPrediction, positives: Int[Tensor, ' positives'], 
         'class': F.cross_entropy(prediction.class_scores[positives], code.classes, reduction='none'),
     }
     return {
-        'heading_bin': 0.1 * _mean(ce['heading_bin']),
-        'heading': _mean(F.smooth_l1_loss(turn, code.heading_residuals, reduction='none')),
-        'size_class': 0.1 * _mean(ce['size_class']),
-        'size': _mean(F.smooth_l1_loss(stretch, code.size_residuals, reduction='none')),
-        'class': 0.1 * _mean(ce['class']),
+        'heading_bin': 0.1 * weighted_mean(ce['heading_bin'], trust),
+        'heading': weighted_mean(F.smooth_l1_loss(turn, code.heading_residuals, reduction='none'), trust),
+        'size_class': 0.1 * weighted_mean(ce['size_class'], trust),
+        'size': weighted_mean(F.smooth_l1_loss(stretch, code.size_residuals, reduction='none').mean(dim=1), trust),
+        'class': 0.1 * weighted_mean(ce['class'], torch.ones_like(trust)),
     }
 
 
@@ -89,12 +92,14 @@ def proposal_losses(
     anchor_offsets: Int[Tensor, ' scenes_and_one'],
     targets: ProposalTargets,
     labels: BatchLabels,
+    pseudo_geometry: float = 1.0,
 ) -> dict[str, Tensor]:
-    """All terms of the proposals, with VoteNet's factors."""
+    """All terms of the proposals, with VoteNet's factors; ``pseudo_geometry`` as in :class:`VoteNetLoss`."""
+    trust = torch.where(labels.box_is_annotated, 1.0, pseudo_geometry).to(prediction.centers)
     return {
         'objectness': 0.5 * objectness_loss(prediction.objectness, targets.is_object, targets.weights),
-        'center': center_loss(prediction.centers, anchor_offsets, targets, labels),
-        **box_losses(prediction, targets.positives, targets.code),
+        'center': center_loss(prediction.centers, anchor_offsets, targets, labels, trust),
+        **box_losses(prediction, targets.positives, targets.code, trust[targets.boxes]),
     }
 
 
@@ -107,18 +112,28 @@ class VoteNetLoss(LossTerm):
     Args:
         loss_weight: The 10.
         vote_balance: See :func:`vote_targets`.
+        pseudo_geometry: Weight of a pseudo box, against 1 of an annotated one, in what tells where exactly a box lies:
+            centre, heading and size. 0: pseudo boxes say what is an object and of which class, annotated ones (seen
+            again and again where they are pasted) how its box lies.
+
+    Raises:
+        ValueError: ``pseudo_geometry`` is negative.
     """
 
     needs = ('votes', 'targets')
 
-    def __init__(self, loss_weight: float = 10.0, vote_balance: float = 0.5) -> None:
+    def __init__(self, loss_weight: float = 10.0, vote_balance: float = 0.5, pseudo_geometry: float = 1.0) -> None:
         super().__init__()
-        self.loss_weight, self.vote_balance = loss_weight, vote_balance
+        if pseudo_geometry < 0:
+            raise ValueError(f'VoteNetLoss.pseudo_geometry: expected 0 or more, got {pseudo_geometry}')
+        self.loss_weight, self.vote_balance, self.pseudo_geometry = loss_weight, vote_balance, pseudo_geometry
 
     def forward(self, batch: Batch, outputs: DetectorOutput, labels: BatchLabels) -> dict[str, Tensor]:
         """``loss_vote``, ``loss_objectness``, ``loss_center`` and so on."""
         assert labels.targets is not None
         said = outputs.votes
         parts = {'vote': vote_loss(said.offsets, vote_targets(batch.xyz, labels, self.vote_balance))}
-        parts.update(proposal_losses(said.prediction, said.anchor_offsets, labels.targets, labels))
+        parts.update(
+            proposal_losses(said.prediction, said.anchor_offsets, labels.targets, labels, self.pseudo_geometry)
+        )
         return {f'loss_{name}': self.loss_weight * value for name, value in parts.items()}

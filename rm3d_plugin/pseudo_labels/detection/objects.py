@@ -1,5 +1,6 @@
 """From groups of an object class to the pseudo boxes of a scene (METHOD 7)."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -243,7 +244,11 @@ def _scored(candidates: list[_Candidate], boxes: Boxes3D | None, support_iou: fl
 
 
 def score_limits(
-    candidates: Boxes3D, num_classes: int, top_fraction: tuple[float, ...], number: int
+    candidates: Boxes3D,
+    num_classes: int,
+    top_fraction: tuple[float, ...],
+    number: int,
+    most: Float[np.ndarray, ' classes'] | None = None,
 ) -> Float[np.ndarray, ' classes']:
     """The score from which a candidate is among the best of its class, over all scenes.
 
@@ -252,14 +257,42 @@ def score_limits(
         num_classes: C.
         top_fraction: See :class:`ObjectRules`.
         number: Round, 1 = the first with predictions.
+        most: (C,) candidates that may be among the best, infinity where there is no limit; None: nowhere.
 
     Returns:
-        (C,); 0 for a class without candidates.
+        (C,); 0 for a class without candidates, infinity for one whose candidates all have a score of 0.
     """
     assert candidates.scores is not None
     share = top_fraction[min(max(number, 1), len(top_fraction)) - 1]
-    of_class = [candidates.scores[candidates.labels == c] for c in range(num_classes)]
-    return np.array([np.quantile(s, 1.0 - share, method='higher') if len(s) else 0.0 for s in of_class])
+    of_class = [np.sort(candidates.scores[candidates.labels == c])[::-1] for c in range(num_classes)]
+    limits = np.array([np.quantile(s, 1.0 - share, method='higher') if len(s) else 0.0 for s in of_class])
+    for c, scores in enumerate(of_class):
+        if len(scores):  # a score of 0 is no object, however large the share
+            limits[c] = max(limits[c], scores[scores > 0].min(initial=np.inf))
+        if most is not None and most[c] < len(scores):
+            limits[c] = max(limits[c], scores[max(int(most[c]), 1) - 1])
+    return limits
+
+
+def most_boxes(
+    found: Sequence[Sequence[int]], annotated: Int[np.ndarray, ' classes'], growth: float
+) -> Float[np.ndarray, ' classes']:
+    """Most pseudo boxes of each class: ``growth`` times those of the first round that had any; infinite before it.
+
+    A network that learns from its own boxes confirms them, and finds more in every round, right or not.
+
+    Args:
+        found: Pseudo boxes of each class, round by round.
+        annotated: (C,) annotated boxes; they count in place of the first pseudo boxes where there are more of them.
+        growth: 1 or more.
+
+    >>> most_boxes([[0, 5], [3, 9]], np.array([2, 8]), growth=2.0).tolist()
+    [6.0, 16.0]
+    """
+    most = np.full(len(annotated), np.inf)
+    for boxes in reversed(found):
+        most = np.where(np.array(boxes) > 0, growth * np.maximum(boxes, annotated), most)
+    return most
 
 
 def _candidates(context: ObjectContext, group: int, members: np.ndarray, label: int, score: float) -> list[_Candidate]:

@@ -40,6 +40,8 @@ class ObjectRules:
         top_fraction: Share of all candidates of a class, best scores first, that become pseudo boxes: in the first
             round with predictions, in the second, ...; the last number holds from there on. Smaller: fewer and purer.
             None: all.
+        max_growth: With ``top_fraction``: at most so many times the pseudo boxes that a class had when it first had
+            any, or its annotated boxes where these are more; larger: trusts more what a network learnt from itself.
     """
 
     gamma: float | None = None
@@ -54,6 +56,7 @@ class ObjectRules:
     seen_height: tuple[float, ...] | None = None
     seen_length: tuple[float, ...] | None = None
     top_fraction: tuple[float, ...] | None = None
+    max_growth: float = 2.0
 
     def __post_init__(self) -> None:
         check_choice(self, 'box', get_args(BoxKind))
@@ -65,6 +68,7 @@ class ObjectRules:
             ('min_points', 1),
             ('max_excess', 1),
             ('background_ratio', 1),
+            ('max_growth', 1),
             ('max_iou', 0),
             ('part_share', 0),
         ):
@@ -87,6 +91,8 @@ class TeacherRules:
         size_ratio: A box with a side or a height that is more than this times the greatest of the class's annotated
             boxes, or that many times less than the least, is not of the class.
         min_points: Fewest points in a box that are not surely background.
+        free_above: Share that the points in a box have at least among these and all in the metre over it: objects end,
+            poles, trunks and bushes go on. 0: never asked.
         max_iou: Overlap from above that two boxes may have.
         refit: The class's usual box is fitted to the points of an accepted box, and takes its place.
         background: Probability from which the network makes a point background that lies in no candidate's box. None:
@@ -97,6 +103,7 @@ class TeacherRules:
     recognised: float = 0.4
     size_ratio: float = 1.4
     min_points: int = 5
+    free_above: float = 0.95
     max_iou: float = 0.1
     refit: bool = False
     background: float | None = 0.95
@@ -106,6 +113,7 @@ class TeacherRules:
         check_field(self, 'recognised', 0 <= self.recognised <= 1, 'a probability')
         check_field(self, 'size_ratio', self.size_ratio >= 1, 'at least 1')
         check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
+        check_field(self, 'free_above', 0 <= self.free_above <= 1, 'a share in [0, 1]')
         check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
         sure = self.background
         check_field(self, 'background', sure is None or 0 < sure <= 1, 'a probability in (0, 1], or None')

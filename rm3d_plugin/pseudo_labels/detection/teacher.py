@@ -19,6 +19,7 @@ from rm3d_plugin.pseudo_labels.detection.rules import TeacherRules
 from rm3d_plugin.structures import Boxes3D
 
 IGNORED_MARGIN = 0.2  # m around a doubtful box in which nothing is said
+ABOVE = 1.0  # m over a box, where the points of a pole, a trunk or a bush go on
 FOUND_IOU = 0.25  # overlap from above from which a predicted box is that of an annotated object
 
 
@@ -73,7 +74,7 @@ def teacher_candidates(
     ranges: Float[np.ndarray, 'classes 2 3'],
     rules: TeacherRules,
 ) -> Candidates:
-    """Predicted boxes that have the size of their class, their place to themselves, and points.
+    """Predicted boxes that have the size of their class, their place to themselves, and points that end with them.
 
     Args:
         xyz: Points, metres.
@@ -94,9 +95,23 @@ def teacher_candidates(
     assert boxes.scores is not None
     alone = suppress(boxes, boxes.scores, annotated, rules.max_iou) == np.arange(len(boxes))
     boxes = left(boxes, alone, 'collision')
-    inside = points_in_boxes(xyz[~background], boxes.tensor)
-    held = np.bincount(inside[inside >= 0], minlength=len(boxes))
-    return Candidates(left(boxes, held >= rules.min_points, 'points'), steps, shown)
+    boxes = left(boxes, _points_of(xyz[~background], boxes.tensor) >= rules.min_points, 'points')
+    held, above = (_points_of(*of) for of in ((xyz[~background], boxes.tensor), (xyz, boxes_above(boxes.tensor))))
+    boxes = left(boxes, held >= rules.free_above * (held + above), 'above')
+    return Candidates(boxes, steps, shown)
+
+
+def boxes_above(boxes: Float[np.ndarray, 'boxes 7'], height: float = ABOVE) -> Float[np.ndarray, 'boxes 7']:
+    """Boxes of so many metres that stand on the given ones."""
+    above = boxes.copy()
+    above[:, 2] += (boxes[:, 5] + height) / 2
+    above[:, 5] = height
+    return above
+
+
+def _points_of(xyz: Float[np.ndarray, 'points 3'], boxes: Float[np.ndarray, 'boxes 7']) -> Int[np.ndarray, ' boxes']:
+    inside = points_in_boxes(xyz, boxes)
+    return np.bincount(inside[inside >= 0], minlength=len(boxes))
 
 
 def ask_annotated(

@@ -53,8 +53,8 @@ def made(seed=0):
     return values
 
 
-def slow(m):
-    """Every term by name, times 10."""
+def slow(m, trust=(1.0, 1.0, 1.0)):
+    """Every term by name, times 10; ``trust`` is that in each box's geometry."""
     counts = {0: 4, 1: 2}
     worth = [counts[i] ** -0.5 for i in m['instance'] if i >= 0]
     gaps = [
@@ -66,15 +66,23 @@ def slow(m):
     nearest = [min(huber(m['centers'][p], m['boxes'][b, :3]) for p in range(4)) for b in (0, 1)]
     kinds = m['box_classes'][m['own']]
     rows = list(enumerate(m['positives']))
+    held = [trust[b] for b in m['own']]
+
+    def mean(values):
+        return sum(w * v for w, v in zip(held, values, strict=True)) / sum(held)
+
     terms = {
         'vote': np.dot(gaps, worth) / sum(worth),
         'objectness': 0.5 * np.dot(each, m['weights']) / m['weights'].sum(),
-        'center': np.mean(own) + np.mean(nearest),
-        'heading_bin': 0.1 * np.mean([cross_entropy(m['bins'][p], m['code_bins'][i]) for i, p in rows]),
-        'heading': np.mean([smooth_l1(m['turns'][p, m['code_bins'][i]] - m['code_turns'][i]) for i, p in rows]),
-        'size_class': 0.1 * np.mean([cross_entropy(m['sizes'][p], kinds[i]) for i, p in rows]),
-        'size': np.mean(
-            [smooth_l1(m['stretch'][p, kinds[i], a] - m['code_stretch'][i, a]) for i, p in rows for a in range(3)]
+        'center': mean(own) + np.dot(trust[:2], nearest) / sum(trust[:2]),
+        'heading_bin': 0.1 * mean([cross_entropy(m['bins'][p], m['code_bins'][i]) for i, p in rows]),
+        'heading': mean([smooth_l1(m['turns'][p, m['code_bins'][i]] - m['code_turns'][i]) for i, p in rows]),
+        'size_class': 0.1 * mean([cross_entropy(m['sizes'][p], kinds[i]) for i, p in rows]),
+        'size': mean(
+            [
+                np.mean([smooth_l1(m['stretch'][p, kinds[i], a] - m['code_stretch'][i, a]) for a in range(3)])
+                for i, p in rows
+            ]
         ),
         'class': 0.1 * np.mean([cross_entropy(m['classes'][p], kinds[i]) for i, p in rows]),
     }
@@ -119,3 +127,36 @@ def test_the_weight_is_of_all_terms_and_the_balance_of_votes():
     m = made()
     gaps = [np.abs(m['offsets'][p] - (m['boxes'][i, :3] - m['xyz'][p])).sum() for p, i in enumerate(m['instance'][:6])]
     assert other['loss_vote'].item() == pytest.approx(5 * np.mean(gaps), rel=1e-5)
+
+
+def with_pseudo_box(given, row):
+    batch, outputs, labels = given
+    annotated = labels.box_is_annotated.clone()
+    annotated[row] = False
+    return batch, outputs, labels._replace(box_is_annotated=annotated)
+
+
+@pytest.mark.parametrize('weight', [0.0, 0.25])
+def test_pseudo_boxes_teach_geometry_as_far_as_they_are_trusted(weight):
+    m = made(3)
+    got = VoteNetLoss(pseudo_geometry=weight)(*with_pseudo_box(tensors(m), 0))
+    want = slow(m, (weight, 1.0, 1.0))
+    assert {name: value.item() for name, value in got.items()} == pytest.approx(want, rel=1e-4)
+    alike = VoteNetLoss()(*tensors(m))
+    for name in ('loss_objectness', 'loss_class', 'loss_vote'):
+        assert got[name] == alike[name], 'what is an object, and which, pseudo boxes go on teaching'
+
+
+def test_without_an_annotated_box_geometry_is_not_taught_at_all():
+    batch, outputs, labels = tensors(made())
+    outputs.votes.prediction.centers.requires_grad_()
+    labels = labels._replace(box_is_annotated=torch.zeros(3) > 0)
+    got = VoteNetLoss(pseudo_geometry=0.0)(batch, outputs, labels)
+    assert got['loss_center'] == 0 and got['loss_size'] == 0 and got['loss_heading'] == 0
+    got['loss_center'].backward()
+    assert (outputs.votes.prediction.centers.grad == 0).all()
+
+
+def test_a_negative_trust_is_refused():
+    with pytest.raises(ValueError, match=r'pseudo_geometry: expected 0 or more, got -1'):
+        VoteNetLoss(pseudo_geometry=-1)

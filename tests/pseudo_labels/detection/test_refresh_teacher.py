@@ -57,7 +57,7 @@ def test_labels_by_hand():
     assert labels.semantic.tolist() == [0] * 27 + [-1] * 9 + [1] * 8  # of the car at 40 nobody says anything
     assert labels.instance.tolist() == [0] * 9 + [1] * 9 + [2] * 9 + [-1] * 17
     assert {step: int(lost[0]) for step, lost in got.steps.items()} == {
-        'found': 4, 'size': 0, 'collision': 1, 'points': 0, 'unrecognised': 0, 'doubt': 0, 'score': 1
+        'found': 4, 'size': 0, 'collision': 1, 'points': 0, 'above': 0, 'unrecognised': 0, 'doubt': 0, 'score': 1
     }  # fmt: skip
 
 

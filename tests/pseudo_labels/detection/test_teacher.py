@@ -59,8 +59,28 @@ def test_each_step_says_what_it_cost():
     known = boxes([car(20.2)], [0], [1.0])
     got = teacher_candidates(xyz, background, predicted, NOTHING, known, SIZES, TeacherRules())
     assert got.boxes.tensor[:, 0].tolist() == [10.0]
-    cost = {'found': 6, 'size': 1, 'points': 2, 'collision': 2}  # a second box at 10, and the annotated one at 20
+    cost = {
+        'found': 6,
+        'size': 1,
+        'points': 2,
+        'collision': 2,
+        'above': 0,
+    }  # a second box at 10, and the annotated one at 20
     assert {step: lost.tolist() for step, lost in got.steps.items()} == {step: [n, 0] for step, n in cost.items()}
+
+
+def test_an_object_ends_with_its_box():
+    given = [car(10), car(20), car(30)]
+    over = [[row[0], row[1], 1.5 + 0.5, *row[3:5], 1.0, 0.0] for row in given]
+    far_above = cloud_in([[20.0, 0.0, 2.6, 4.0, 2.0, 0.1, 0.0]])
+    xyz = np.concatenate([cloud_in(given, each=19), cloud_in(over[:1], each=2), cloud_in(over[2:], each=1), far_above])
+    predicted, nowhere = boxes(given, [0] * 3, [0.9, 0.8, 0.7]), np.zeros(len(xyz), dtype=bool)
+    nothing = Boxes3D.empty()
+    got = teacher_candidates(xyz, nowhere, predicted, NOTHING, nothing, SIZES, TeacherRules())
+    assert got.boxes.tensor[:, 0].tolist() == [20.0, 30.0], '19 of 20 is enough, 19 of 21 is not'
+    assert got.steps['above'].tolist() == [1, 0]
+    free = teacher_candidates(xyz, nowhere, predicted, NOTHING, nothing, SIZES, TeacherRules(free_above=0.0))
+    assert len(free.boxes) == 3
 
 
 def test_sizes_may_leave_the_range_of_annotated_boxes_by_a_factor():

@@ -12,6 +12,7 @@ from rm3d_plugin.pseudo_labels.detection.objects import (
     PointGroups,
     PointVotes,
     find_objects,
+    most_boxes,
     score_limits,
 )
 from rm3d_plugin.pseudo_labels.detection.rules import AS_PRINTED
@@ -92,6 +93,26 @@ def test_limits_take_the_best_share_of_each_class():
     assert (scores[:5] >= limits[0]).sum() == 2
     assert score_limits(found, 3, (0.4, 1.0), 2)[0] == pytest.approx(0.1)
     assert score_limits(found, 3, (0.4, 1.0), 9)[0] == pytest.approx(0.1)  # the last number holds
+
+
+def test_limits_take_no_more_than_are_allowed():
+    scores = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.9])
+    found = Boxes3D(np.tile([0.0, 0, 0, 1, 1, 1, 0], (6, 1)), np.array([0, 0, 0, 0, 0, 1]), scores)
+    for most, kept in ((2.0, 2), (3.7, 3), (0.5, 1), (4.0, 4), (9.0, 5)):  # a class that had one keeps one
+        limits = score_limits(found, 3, (1.0,), 2, np.array([most, np.inf, 1.0]))
+        assert (scores[:5] >= limits[0]).sum() == kept and limits[1:].tolist() == [0.9, 0.0]
+    assert score_limits(found, 3, (0.2,), 2, np.array([3.0, 3.0, 3.0]))[0] == 0.5  # the share is less
+
+
+def test_a_score_of_nothing_is_no_object():
+    found = Boxes3D(np.tile([0.0, 0, 0, 1, 1, 1, 0], (6, 1)), np.array([0] * 5 + [1]), np.array([0, 0, 0, 0, 0.2, 0.0]))
+    assert score_limits(found, 2, (0.5,), 1).tolist() == [0.2, np.inf]
+
+
+def test_a_class_grows_from_the_first_round_that_had_any():
+    assert most_boxes([], np.array([1, 2]), 2.0).tolist() == [np.inf, np.inf]
+    assert most_boxes([[4, 0], [20, 0], [9, 3], [9, 50]], np.array([1, 2]), 1.5).tolist() == [6.0, 4.5]
+    assert most_boxes([[1, 0]], np.array([5, 5]), 2.0).tolist() == [10.0, np.inf], 'annotated boxes are objects, too'
 
 
 def test_boxes_as_printed_hug_the_points_along_the_axes_of_the_scene():

@@ -1,0 +1,7 @@
+# Weak baseline: the network and schedule of rm3d_votenet_s3dis_1pct on the labelled boxes alone.
+# Run: rm3d train sup_votenet_s3dis_1pct [--demo]
+# Time: not measured.
+# Score on S3DIS: not measured (the data set is not part of the repository). On the demo: not measured.
+_base_ = '../_base_/s3dis_boxes.py'
+budget = '1pct_alike'  # classes take turns; '1pct': as they come
+label_refreshes = 1  # the first labels stay
