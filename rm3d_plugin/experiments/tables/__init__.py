@@ -108,4 +108,4 @@ ALL = (
     'unsupervised-instances',
     'octree',
 )
-"""What ``reproduce all`` makes, in order of worth: where time is short, the last are left out."""
+"""What ``reproduce all`` makes, in order of worth; where time is short, all are made smaller."""
