@@ -99,7 +99,7 @@ def _partition(
 ) -> Partition:
     found = _score(truths, scenes, way)
     count = float(np.mean([way(scene).max(initial=-1) + 1 for scene in scenes]))
-    return Partition(name, *(100 * value for value in (found.mean_ap, found.mean_ap50, found.mean_ap25)), count)
+    return Partition(name, 100 * found.mean_ap, 100 * found.mean_ap50, 100 * found.mean_ap25, count)
 
 
 def merged(scene: PreparedScene, tau: float) -> Groups:
