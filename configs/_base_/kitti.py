@@ -10,6 +10,7 @@ class_sizes = [[3.9, 1.6, 1.56], [0.8, 0.6, 1.73], [1.76, 0.6, 1.73]]  # m, wher
 near = [0.8, 0.4, 0.5]  # m to a centre, up to which a proposal means it
 far = [1.6, 0.9, 1.1]  # m, from which it means none
 tta_views = [[False, 0.0], [True, 0.0], [False, 0.35], [True, -0.35]]
+teacher = '${predicted_boxes}'  # predicted boxes become pseudo boxes
 pseudo_geometry = 0.0  # pasted objects teach where a box lies
 paste_objects = 8  # annotated objects of other frames copied into each training frame
 paste_accepted = False  # True: pseudo objects of the round, too

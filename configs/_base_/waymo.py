@@ -13,6 +13,7 @@ far = [1.6, 0.9, 1.1]  # m, from which it means none
 num_seeds = 2048
 num_proposals = 512
 tta_views = [[False, 0.0], [True, 0.0], [False, 0.35], [True, -0.35]]
+teacher = '${predicted_boxes}'  # predicted boxes become pseudo boxes
 pseudo_geometry = 0.0  # pasted objects teach where a box lies
 paste_objects = 8  # annotated objects of other frames copied into each training frame
 paste_accepted = False  # True: pseudo objects of the round, too

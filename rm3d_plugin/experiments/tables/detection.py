@@ -6,30 +6,26 @@ from rm3d_plugin.experiments.spec import Row, Table, full_row
 from rm3d_plugin.experiments.tables.streets import KITTI
 
 LEAF, ALONE, FULL = 'rm3d_votenet_kitti_1pct', 'sup_votenet_kitti_1pct', 'sup_votenet_kitti_full'
-TEACHER: dict[str, Any] = {'teacher': '${predicted_boxes}'}
 IOU: dict[str, Any] = {'iou_head': '${box_iou_head}', 'iou_loss': '${box_overlap}'}
-ANY: dict[str, Any] = {'predicted_boxes': {'recognised': 0.0}}
+GROUPS: dict[str, Any] = {'teacher': None}
 GEOMETRY: dict[str, Any] = {'pseudo_geometry': 1.0}
-ONE: dict[str, Any] = {'tta_views': None}
-ALL: dict[str, Any] = TEACHER | IOU
+ONE_VIEW: dict[str, Any] = {'tta_views': None}
 MECHANISMS = Table(
     title=f'{KITTI.title}; mechanism by mechanism',
     rows=(
-        Row('labelled boxes alone, one view at test time', ALONE, ONE),
+        Row('labelled boxes alone, one view', ALONE, ONE_VIEW),
         Row('labelled boxes alone', ALONE),
-        Row('groups of regions become boxes, best share by round (the default)', LEAF),
-        Row('the same, where boxes lie is learnt from pseudo boxes, too', LEAF, GEOMETRY),
-        Row(
-            'predicted boxes become boxes, where they lie is learnt from them, one view',
-            LEAF,
-            TEACHER | ANY | ONE | GEOMETRY,
-        ),
-        Row('+ all views', LEAF, TEACHER | ANY | GEOMETRY),
-        Row('+ where boxes lie is learnt from labelled ones alone', LEAF, TEACHER | ANY),
-        Row('+ IoU head', LEAF, ALL | ANY),
-        Row('+ classes that are recognised alone', LEAF, ALL),
-        Row('the same + reliable background alone', LEAF, ALL | {'unlabelled_weight': 0.0}),
-        Row('the same + boxes fitted to the points', LEAF, ALL | {'predicted_boxes': {'refit': True}}),
+        Row('RM3D as in the paper', LEAF, {'strategy': 'paper'} | GEOMETRY | ONE_VIEW),
+        Row('groups of regions become boxes, and teach where boxes lie', LEAF, GROUPS | GEOMETRY),
+        Row('groups of regions become boxes', LEAF, GROUPS),
+        Row('predicted boxes become boxes (the default)', LEAF),
+        Row('default, one view', LEAF, ONE_VIEW),
+        Row('default, they teach where boxes lie', LEAF, GEOMETRY),
+        Row('default, also of classes that are not recognised', LEAF, {'predicted_boxes': {'recognised': 0.0}}),
+        Row('default, whatever is above them', LEAF, {'predicted_boxes': {'free_above': 0.0}}),
+        Row('default + IoU head', LEAF, IOU),
+        Row('default + reliable background alone', LEAF, {'unlabelled_weight': 0.0}),
+        Row('default + boxes fitted to the points', LEAF, {'predicted_boxes': {'refit': True}}),
         Row('default + prototypes', LEAF, {'prototype_loss': '${class_prototypes}'}),
         Row('default + pasting of accepted objects', LEAF, {'paste_accepted': True}),
         Row(full_row('votenet'), FULL),

@@ -16,7 +16,6 @@ from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section,
 from rm3d_plugin.experiments.runner import Commands, run_folder, run_rows
 from rm3d_plugin.experiments.scale import scaled_row
 from rm3d_plugin.experiments.spec import Request, Row
-from rm3d_plugin.experiments.tables.detection import IOU
 from rm3d_plugin.inference.trained import TrainedNetwork, load_network
 from rm3d_plugin.labeling import LabelMaker
 from rm3d_plugin.pseudo_labels import PointPrediction
@@ -27,7 +26,7 @@ SMALL = {  # the network of the demo, for real frames
     'voxel_size': 0.15, 'widths': [16, 32, 48, 64], 'blocks': 1, 'num_seeds': 512, 'num_proposals': 128, 'hidden': 64,
     'rounds': 10, 'warm_up_rounds': 6, 'learning_rate': 2e-3, 'val_rounds': 10,
 }  # fmt: skip
-TRAINED = Row('labelled boxes alone', ALONE, IOU)
+TRAINED = Row('labelled boxes alone', ALONE)
 HEADS = ('pseudo boxes', 'right', 'hidden')
 
 
@@ -43,7 +42,8 @@ RULES = {
     'groups of regions, all views': Rule({'teacher': None}),
     'predicted boxes, one view': Rule({'teacher': {'recognised': 0.0}}, all_views=False),
     'predicted boxes, all views': Rule({'teacher': {'recognised': 0.0}}),
-    'the same, of classes whose annotated objects are recognised': Rule({'teacher': {}}),
+    'the same, of classes whose annotated objects are recognised (the default)': Rule({'teacher': {}}),
+    'the same, whatever is above them': Rule({'teacher': {'free_above': 0.0}}),
     'the same, from half of the usual score on': Rule({'teacher': {'share': 0.5}}),
 }
 
@@ -69,7 +69,7 @@ def trained_row(request: Request) -> Row:
     """What is trained: on the demo's streets, or on the folder of KITTI that ``data_root`` names."""
     if request.data_root is None:
         return scaled_row(TRAINED, request.scale)
-    return Row('labelled boxes alone', ALONE, {**IOU, **SMALL, 'data_root': str(request.data_root)}, train=())
+    return Row('labelled boxes alone', ALONE, {**SMALL, 'data_root': str(request.data_root)}, train=())
 
 
 def pseudo_box_table(request: Request, commands: Commands | None = None) -> FilledTable:
