@@ -4,7 +4,6 @@ import datetime
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from rm3d_plugin import __version__
@@ -13,13 +12,11 @@ from rm3d_plugin.experiments.benchmarks.measure import machine
 from rm3d_plugin.experiments.compare import fill_paper_table
 from rm3d_plugin.experiments.render import FilledTable, save, to_markdown
 from rm3d_plugin.experiments.runner import Commands, duration, plan, run_rows
-from rm3d_plugin.experiments.scale import choose_scale, scaled_table
+from rm3d_plugin.experiments.scale import choose_scale, scaled_request, scaled_table
 from rm3d_plugin.experiments.scores import fill_table
-from rm3d_plugin.experiments.spec import MeasuredTable, PaperTable, Request, Table
+from rm3d_plugin.experiments.spec import AnyTable, MeasuredTable, Request, Table
 from rm3d_plugin.experiments.tables import ALL, TABLES
 from rm3d_plugin.storage import write_text
-
-AnyTable = Table | PaperTable | MeasuredTable
 
 
 def make_table(
@@ -31,7 +28,7 @@ def make_table(
         name: Key of :data:`rm3d_plugin.experiments.tables.TABLES`.
         request: Where, with which seeds, options and scenes.
         commands: What trains and tests.
-        minutes: On the clock that trained tables may take, by fewer scenes, epochs and seeds; None: as they are.
+        minutes: On the clock, kept by fewer scenes, epochs, parts, seeds and rows; None: as they are.
 
     Raises:
         ConfigError: There is no such table; a run failed or was made with other options; data are missing.
@@ -48,12 +45,12 @@ def make_all(
     minutes: float | None = None,
     names: Sequence[str] = ALL,
 ) -> str:
-    """Make tables in order of worth; those that fail are told, those that time does not reach are left out.
+    """Make tables in order of worth; those that fail are told.
 
     Args:
         request: One folder for all: tables share their runs.
         commands: What trains and tests.
-        minutes: For all of them; None: as long as it takes.
+        minutes: For all of them, kept by making them smaller; None: as long as it takes.
         names: Which, in which order.
 
     Returns:
@@ -62,11 +59,7 @@ def make_all(
     began, texts = time.monotonic(), [head()]
     tables, request = within(minutes, {name: TABLES[name] for name in names}, request, commands)
     for number, (name, table) in enumerate(tables.items()):
-        spent = time.monotonic() - began
-        request.log(f'{name}: table {number + 1} of {len(tables)}, after {duration(spent)}')
-        if minutes is not None and spent > 60 * minutes:
-            texts.append(f'## {name}\n\nnot made: the {minutes:g} minutes were over')
-            continue
+        request.log(f'{name}: table {number + 1} of {len(tables)}, after {duration(time.monotonic() - began)}')
         try:
             told = to_markdown(_make(name, table, request, commands))
         except ConfigError as error:
@@ -79,20 +72,15 @@ def make_all(
 def within(
     minutes: float | None, tables: Mapping[str, AnyTable], request: Request, commands: Commands | None
 ) -> tuple[dict[str, AnyTable], Request]:
-    """Tables and request, smaller where the time asks for it; measured tables stay as they are.
+    """Tables and request, smaller where the time asks for it.
 
     Raises:
         ConfigError: A table is trained on real data.
     """
-    trained = [table for table in tables.values() if not isinstance(table, MeasuredTable)]
-    if minutes is None or not trained:
+    if minutes is None:
         return dict(tables), request
-    scale = choose_scale([row for table in trained for row in table.rows], request, minutes, commands)
-    small = {
-        name: table if isinstance(table, MeasuredTable) else scaled_table(table, scale)
-        for name, table in tables.items()
-    }
-    return small, replace(request, seeds=tuple(request.seeds)[: scale.seeds])
+    scale = choose_scale(list(tables.values()), request, minutes, commands)
+    return {name: scaled_table(table, scale) for name, table in tables.items()}, scaled_request(request, scale)
 
 
 def list_tables(request: Request) -> str:

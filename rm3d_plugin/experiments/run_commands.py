@@ -10,7 +10,7 @@ from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.config_files import find_config
 from rm3d_plugin.engine.key_values import KeyValues
 
-_RM3D = (sys.executable, '-m', 'rm3d_plugin')
+RM3D = (sys.executable, '-m', 'rm3d_plugin')
 
 
 def config_path(config: str) -> Path:
@@ -20,12 +20,12 @@ def config_path(config: str) -> Path:
 
 def train_command(config: str) -> list[str]:
     """What trains by a config; further arguments follow."""
-    return [*_RM3D, 'train', str(config_path(config))]
+    return [*RM3D, 'train', str(config_path(config))]
 
 
 def test_command(config: str, checkpoint: str) -> list[str]:
     """What scores a checkpoint by a config; further arguments follow."""
-    return [*_RM3D, 'test', str(config_path(config)), checkpoint]
+    return [*RM3D, 'test', str(config_path(config)), checkpoint]
 
 
 def option_texts(options: Mapping[str, Any]) -> dict[str, str]:

@@ -3,7 +3,6 @@
 import os
 import re
 import shutil
-import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,6 +18,7 @@ from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
 from rm3d_plugin.experiments.run_commands import option_texts, split_options, test_command, train_command
 from rm3d_plugin.experiments.spec import DEMO, Request, Row
+from rm3d_plugin.experiments.warm_start import WarmStart
 from rm3d_plugin.storage import content_key, read_json, write_json
 
 SPEC = 'spec.json'  # beside a run: what was asked for
@@ -152,13 +152,13 @@ class _Runner:
 
     def __init__(self, request: Request, commands: Commands, todo: int) -> None:
         self._request, self._commands = request, commands
-        self._progress = Progress(todo, request.jobs)
+        self._progress, self._start = Progress(todo, request.jobs), WarmStart()
         self._stopped = threading.Event()
         self._failed: list[str] = []
 
     def run_all(self, runs: Sequence[Run]) -> None:
         """All trainings, then all tests: a test may read scenes that another training made."""
-        with ThreadPoolExecutor(self._request.jobs) as pool:
+        with self._start, ThreadPoolExecutor(self._request.jobs) as pool:
             try:
                 list(pool.map(self._trained, runs))
                 list(pool.map(self._tested, [run for run in runs if run.tests]))
@@ -228,13 +228,7 @@ class _Runner:
     def _call(self, command: Sequence[str], options: Mapping[str, str], log: Path, lock: int) -> None:
         threads = {'threads': '0' if self._request.jobs == 1 else '1'}
         given = [f'{key}={text}' for key, text in (threads | dict(options)).items()]
-        with log.open('w', encoding='utf-8') as stream:
-            code = subprocess.run(
-                [*command, '--cfg-options', *given],
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                pass_fds=(lock,) if os.name == 'posix' else (),
-            ).returncode
+        code = self._start.run([*command, '--cfg-options', *given], log, lock)
         if code:
             raise RunError(f'{log.parent}: ended with exit code {code}; see {log}')
 

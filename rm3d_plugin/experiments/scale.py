@@ -1,48 +1,39 @@
 """Tables made smaller, so that they end in a given time: fewer scenes, fewer epochs, fewer seeds, by measured costs."""
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
+
+import numpy as np
 
 from rm3d_plugin.baselines import Task
 from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.experiments.kept import kept_rows
 from rm3d_plugin.experiments.run_commands import config_path, option_texts, parse_options
-from rm3d_plugin.experiments.runner import Commands, duration, plan, run_folder, run_rows
-from rm3d_plugin.experiments.spec import DEMO, PaperTable, Request, Row, Table
+from rm3d_plugin.experiments.runner import Commands, duration, plan, run_folder, run_rows, seeds_of
+from rm3d_plugin.experiments.spec import DEMO, WHOLE, AnyTable, MeasuredTable, Request, Row, Scale, Table
 from rm3d_plugin.storage import read_json
 
 COUNTS = ('num_train', 'num_val', 'rooms_per_area')  # of the demo's scenes, as its makers name them
+FEWEST_POINTS = 3000  # of a measured scene
 FEWEST = {'num_train': 4, 'num_val': 2, 'rooms_per_area': 1}
 AREAS = 6  # of S3DIS
 PLACES = ('data_root', 'val_dataloader.dataset.data_root')
 
 
-@dataclass(frozen=True)
-class Scale:
-    """How large the runs of a table are.
-
-    Attributes:
-        scenes: Share of the demo's scenes.
-        epochs: Share of the epochs of a round.
-        seeds: How many of those that are asked for.
-    """
-
-    scenes: float
-    epochs: float
-    seeds: int
-
-    def __str__(self) -> str:
-        return f'{self.scenes:g} of the scenes, {self.epochs:g} of the epochs, {self.seeds} seeds'
-
-
 def ladder(seeds: int) -> list[Scale]:
-    """From the whole to the smallest: scenes and epochs shrink before seeds do, since signs are tested over seeds."""
+    """From the whole to the smallest: scenes and epochs first, then parts; seeds later, since signs are tested on them.
+
+    Args:
+        seeds: That are asked for.
+    """
     shares = ((1.0, 1.0), (0.5, 1.0), (0.5, 0.5), (0.25, 0.5), (0.25, 0.25), (0.125, 0.25))
     whole = [Scale(*share, seeds) for share in shares]
-    return [*whole, *(Scale(0.125, 0.25, fewer) for fewer in range(seeds - 1, 0, -1))]
+    few = [Scale(*shares[-1], seeds, parts) for parts in (6, 3, 1)]
+    fewer = [Scale(*shares[-1], fewer, 1) for fewer in range(seeds - 1, 0, -1)]
+    return [*whole, *few, *fewer, *(Scale(*shares[-1], 1, 1, rows) for rows in (8, 5, 3))]
 
 
 class Cost(NamedTuple):
@@ -80,7 +71,7 @@ def sized(row: Row, scale: Scale) -> dict[str, Any]:
         ConfigError: The row is trained on real data.
     """
     config = _demo_config(row)
-    if (scale.scenes, scale.epochs) == (1.0, 1.0):
+    if scale.scenes == scale.epochs == 1.0:
         return {}
     counts = {
         f'demo_data.{name}': max(FEWEST[name], round(config['demo_data'][name] * scale.scenes))
@@ -101,12 +92,58 @@ def scaled_row(row: Row, scale: Scale) -> Row:
     return replace(row, options={**row.options, **options}, test=test)
 
 
-def scaled_table(table: Table | PaperTable, scale: Scale) -> Table | PaperTable:
-    """The table with smaller runs."""
+def scaled_table(table: AnyTable, scale: Scale) -> AnyTable:
+    """The table with fewer rows and smaller runs, and a note that says so; measured ones read the request instead."""
+    few, note = fewer_rows(table, scale), f'Smaller than the demo: {scale}.'
+    if isinstance(few, MeasuredTable):
+        return few
+    if isinstance(few, Table):
+        return replace(few, rows=_scaled_rows(few.rows, scale), notes=(*few.notes, note))
+    parts = tuple(replace(part, rows=_scaled_rows(part.rows, scale)) for part in few.parts)
+    return replace(few, parts=parts, notes=(*few.notes, note))
+
+
+def fewer_rows(table: AnyTable, scale: Scale) -> AnyTable:
+    """The table with so few parts and rows as a scale says."""
+    if isinstance(table, MeasuredTable):
+        return table
     if isinstance(table, Table):
-        return replace(table, rows=tuple(scaled_row(row, scale) for row in table.rows))
-    parts = tuple(replace(part, rows=tuple(scaled_row(row, scale) for row in part.rows)) for part in table.parts)
-    return replace(table, parts=parts, notes=(*table.notes, f'Smaller than the demo: {scale}.'))
+        needed = {table.reference, *(row.against for row in table.rows)}
+        return replace(table, rows=spread_rows(table.rows, needed, scale.rows))
+    parts = table.parts[: scale.parts]
+    return replace(
+        table, parts=tuple(replace(part, rows=spread_rows(part.rows, {part.base}, scale.rows)) for part in parts)
+    )
+
+
+def scaled_request(request: Request, scale: Scale) -> Request:
+    """The request with fewer seeds and, for measured tables, fewer scenes and points."""
+    points = None if request.points is None else max(FEWEST_POINTS, round(request.points * scale.scenes))
+    return replace(
+        request,
+        seeds=tuple(request.seeds)[: scale.seeds],
+        scenes=max(1, round(request.scenes * scale.scenes)),
+        points=points,
+        scale=scale,
+    )
+
+
+def spread_rows(rows: Sequence[Row], needed: Collection[str | None], count: int) -> tuple[Row, ...]:
+    """At most so many rows, in their order: those that are needed, then others evenly from the first to the last.
+
+    Args:
+        rows: From the top.
+        needed: Names of rows that stay.
+        count: Of rows; more where more are needed.
+    """
+    others = [row.name for row in rows if row.name not in needed]
+    left = min(count - (len(rows) - len(others)), len(others))
+    chosen = {others[round(at)] for at in np.linspace(0, len(others) - 1, left)} if left > 0 else set[str]()
+    return tuple(row for row in rows if row.name in needed or row.name in chosen)
+
+
+def _scaled_rows(rows: Sequence[Row], scale: Scale) -> tuple[Row, ...]:
+    return tuple(scaled_row(row, scale) for row in rows)
 
 
 def size_of(row: Row, scale: Scale) -> Size:
@@ -125,13 +162,15 @@ def seconds_of(cost: Cost, size: Size) -> float:
     return cost.start + size.scenes * (size.epochs * cost.step + size.refreshes * cost.labels)
 
 
-def choose_scale(rows: Sequence[Row], request: Request, minutes: float, commands: Commands | None = None) -> Scale:
-    """The largest scale at which the runs of some rows end in time; kept in ``out``, so that a resumed table stays.
+def choose_scale(
+    tables: Sequence[AnyTable], request: Request, minutes: float, commands: Commands | None = None
+) -> Scale:
+    """The largest scale at which the runs of some tables end in time; kept in ``out``, so that a resumed table stays.
 
     One short run of each kind is trained and timed.
 
     Args:
-        rows: Of all tables that are to be made.
+        tables: All that are to be made.
         request: Seeds and runs at a time.
         minutes: On the clock.
         commands: What trains.
@@ -139,40 +178,46 @@ def choose_scale(rows: Sequence[Row], request: Request, minutes: float, commands
     path = request.out / 'budget.json'
     asked = {'minutes': minutes, 'jobs': request.jobs, 'seeds': list(request.seeds), 'options': list(request.options)}
 
-    def measure() -> list[tuple[float, float, int]]:
-        costs = measure_costs(rows, request, commands)
-        scale = fitting(rows, request, costs, 60 * minutes)
-        return [(scale.scenes, scale.epochs, scale.seeds)]
+    def measure() -> list[tuple[Any, ...]]:
+        began = time.monotonic()
+        costs = measure_costs([row for table in tables for row in table.rows], request, commands)
+        return [astuple(fitting(tables, request, costs, 60 * minutes - (time.monotonic() - began)))]
 
-    scenes, epochs, seeds = kept_rows(path, asked, _plain_row, measure)[0]
-    scale = Scale(scenes, epochs, int(seeds))
+    scale = Scale(*kept_rows(path, asked, _plain_row, measure)[0])
     request.log(f'{minutes:g} minutes: {scale}')
     return scale
 
 
-def fitting(rows: Sequence[Row], request: Request, costs: Mapping[str, Cost], seconds: float) -> Scale:
+def fitting(tables: Sequence[AnyTable], request: Request, costs: Mapping[str, Cost], seconds: float) -> Scale:
     """The first rung of the ladder that ends in time, else the last, which is told.
 
     Args:
-        rows: Of all tables.
+        tables: All that are to be made.
         request: Seeds and runs at a time.
         costs: Of each kind of run.
         seconds: There are.
     """
     for scale in ladder(len(request.seeds)):
-        needed = needed_seconds(rows, request, costs, scale)
+        needed = needed_seconds(tables, request, costs, scale)
         if needed <= seconds:
-            return scale
-    request.log(f'even the smallest takes {duration(needed)}; the last tables may be left out')
+            break
+    else:
+        request.log(f'even the smallest takes {duration(needed)}')
     return scale
 
 
-def needed_seconds(rows: Sequence[Row], request: Request, costs: Mapping[str, Cost], scale: Scale) -> float:
-    """Time that all runs of some rows take at a scale, runs that they share once."""
-    one = replace(request, seeds=request.seeds[:1])
-    by_folder = {run_folder(one.out, row, one.seeds[0]): row for row in rows if row.train is not None}
-    each = [seconds_of(costs[kind_of(row)], size_of(row, scale)) for row in by_folder.values()]
-    return sum(each) * scale.seeds / request.jobs
+def needed_seconds(tables: Sequence[AnyTable], request: Request, costs: Mapping[str, Cost], scale: Scale) -> float:
+    """Time that all trainings and tests of some tables take at a scale, those that they share once."""
+    small, seconds = scaled_request(request, scale), dict[tuple[Path, str], float]()
+    for table in tables:
+        for row in fewer_rows(table, scale).rows:
+            cost, size = costs[kind_of(row)], size_of(row, scale)
+            for seed in (request.seed,) if isinstance(table, MeasuredTable) else seeds_of(row, small):
+                folder = run_folder(request.out, row, seed)
+                seconds[folder, ''] = seconds_of(cost, size)
+                if row.test is not None:
+                    seconds[folder, str(option_texts(row.test))] = cost.start
+    return sum(seconds.values()) / request.jobs
 
 
 def measure_costs(rows: Sequence[Row], request: Request, commands: Commands | None = None) -> dict[str, Cost]:
@@ -182,14 +227,16 @@ def measure_costs(rows: Sequence[Row], request: Request, commands: Commands | No
         firsts.setdefault(kind_of(row), row)
     tiny = {kind: probe_row(row) for kind, row in firsts.items()}
     one = replace(request, out=request.out / 'probes', seeds=request.seeds[:1])
-    return {kind: _probe(kind, row, one, commands) for kind, row in tiny.items()}
+    found = {kind: _probe(kind, row, one, commands) for kind, row in tiny.items()}
+    start = min(cost.start for cost in found.values())  # the others made their scenes, or compiled
+    return {kind: cost._replace(start=start) for kind, cost in found.items()}
 
 
 def probe_row(row: Row) -> Row:
     """The shortest run of a kind: the fewest scenes, an epoch a round."""
     config = _demo_config(row)
     whole = next(config['demo_data'][name] for name in COUNTS if name in config['demo_data'])
-    return scaled_row(replace(row, test=None, seeds=None), Scale(1 / whole, 1 / config['sigma'], 1))
+    return scaled_row(replace(row, test=None, seeds=None), Scale(1 / whole, 1 / config['sigma']))
 
 
 def kind_of(row: Row) -> str:
@@ -209,7 +256,7 @@ def _probe(kind: str, row: Row, request: Request, commands: Commands | None) -> 
     def measure() -> list[Cost]:
         began = time.monotonic()
         run_rows([row], request, commands)
-        return [cost_of(kind, read_json(folder / 'timing.json'), time.monotonic() - began, size_of(row, _WHOLE).scenes)]
+        return [cost_of(kind, read_json(folder / 'timing.json'), time.monotonic() - began, size_of(row, WHOLE).scenes)]
 
     return kept_rows(path, specs[0].spec, Cost, measure)[0]
 
@@ -229,7 +276,6 @@ def cost_of(kind: str, timing: Mapping[str, Any], seconds: float, scenes: int) -
     return Cost(kind, max(start, 0.0), epochs[-1] / scenes, labels[-1] / scenes)
 
 
-_WHOLE = Scale(1.0, 1.0, 1)
 _KNOWN: dict[str, dict[str, Any]] = {}
 
 

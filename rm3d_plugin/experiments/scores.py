@@ -42,7 +42,7 @@ def fill_table(table: Table, request: Request) -> FilledTable:
     seeds = ', '.join(map(str, request.seeds))
     return FilledTable(
         title=f'{table.title}; mean of seeds {seeds} (lowest to highest)',
-        notes=(),
+        notes=table.notes,
         sections=(section,),
         records=tuple(records),
         figure=lambda: bar_figure([section], len(table.scores), ', '.join(table.scores)),

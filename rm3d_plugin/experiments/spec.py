@@ -9,6 +9,7 @@ from rm3d_plugin.baselines import FULL_SUPERVISION, LABELLED_ONLY, Task
 from rm3d_plugin.experiments.render import FilledTable
 
 DEMO = ('--demo',)
+EVERY = 1_000_000  # more than there are of anything
 BUDGETS = {
     '0p1pct': '0.1 % of the points',
     '0p2pct': '0.2 % of the points',
@@ -65,6 +66,7 @@ class Table:
         reference: Name of the row to which the last score's ratio is told; None: no ratio.
         labels: Tell how many points have a label in the last round, and how many of the pseudo labels are right.
         cost: Tell how many seconds of the processor a run took, validation left out.
+        notes: Further lines.
 
     Raises:
         ValueError: Two rows have one name, or the reference or what a gain is told over is no row.
@@ -76,6 +78,7 @@ class Table:
     reference: str | None = None
     labels: bool = False
     cost: bool = False
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _check_names(self.title, self.rows, self.reference, 'reference')
@@ -129,6 +132,33 @@ class PaperTable:
 
 
 @dataclass(frozen=True)
+class Scale:
+    """How large tables are made.
+
+    Attributes:
+        scenes: Share of the demo's scenes, and of the scenes and points of measured tables.
+        epochs: Share of the epochs of a round.
+        seeds: The first so many of those that are asked for.
+        parts: The first so many parts of a table of the paper.
+        rows: At most so many rows of a part, evenly spread; those that differences are told to stay in any case.
+    """
+
+    scenes: float = 1.0
+    epochs: float = 1.0
+    seeds: int = EVERY
+    parts: int = EVERY
+    rows: int = EVERY
+
+    def __str__(self) -> str:
+        counts = {'seeds': self.seeds, 'parts of a table': self.parts, 'rows of a part': self.rows}
+        told = [f'{number} {what}' for what, number in counts.items() if number < EVERY]
+        return ', '.join([f'{self.scenes:g} of the scenes', f'{self.epochs:g} of the epochs', *told])
+
+
+WHOLE = Scale()
+
+
+@dataclass(frozen=True)
 class Request:
     """What a user asks of a table.
 
@@ -143,6 +173,7 @@ class Request:
         points: Of each scene, the so many nearest to its middle; None: all.
         seed: Of all that a measured table draws.
         data_root: Folder where synthetic scenes are made or real scans are found; None: the table's own default.
+        scale: Of the demos that measured tables train on.
         log: Told what starts and ends.
     """
 
@@ -156,6 +187,7 @@ class Request:
     points: int | None = None
     seed: int = 0
     data_root: Path | None = None
+    scale: Scale = WHOLE
     log: Callable[[str], None] = print
 
 
@@ -166,10 +198,15 @@ class MeasuredTable:
     Attributes:
         title: One line.
         measure: Makes it; asked anew it may take up what it left in ``out``.
+        rows: What it trains on demos, for the first of the seeds; that has the request's scale.
     """
 
     title: str
     measure: Callable[[Request], FilledTable]
+    rows: tuple[Row, ...] = ()
+
+
+AnyTable = Table | PaperTable | MeasuredTable
 
 
 def method_rows(

@@ -1,5 +1,7 @@
 """The made-up annotator, the scores by which it clicks, and the table of its curves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference.corner_scan import corner
@@ -11,7 +13,7 @@ from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan
 from rm3d_plugin.experiments.click_curves import BOUND, NEAREST, OURS, Curve, clicks_to, curves_of
 from rm3d_plugin.experiments.next_click import SCORES, ClickChooser
 from rm3d_plugin.experiments.render import to_csv, to_markdown
-from rm3d_plugin.experiments.spec import Request
+from rm3d_plugin.experiments.spec import Request, Scale
 from rm3d_plugin.experiments.tables import clicks_to_quality as table
 from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.live import LivePropagation
@@ -106,3 +108,10 @@ def test_scans_that_were_measured_are_kept(scan, tmp_path, monkeypatch):
     first = table.clicks_table(request, scores=('chance',), clicks=3)
     monkeypatch.setattr(table, 'curves_of', None)  # nothing is measured again
     assert table.clicks_table(request, scores=('chance',), clicks=3).records == first.records
+
+
+def test_a_smaller_request_takes_fewer_real_scans(tmp_path, monkeypatch):
+    monkeypatch.setattr(table, 'oakland', lambda root: iter('abc'))
+    request = Request(tmp_path, scenes=2)
+    assert list(table.scans_of_group('oakland', request)) == ['a', 'b', 'c']
+    assert list(table.scans_of_group('oakland', replace(request, scale=Scale(0.5)))) == ['a', 'b']

@@ -1,5 +1,7 @@
 """Smaller tables for a given time, and all tables in one go; runs are faked, costs are made up."""
 
+from dataclasses import replace
+
 import pytest
 from experiments.fake_commands import command
 
@@ -8,21 +10,25 @@ from rm3d_plugin.experiments import TABLES, make_all, scale
 from rm3d_plugin.experiments.runner import Commands
 from rm3d_plugin.experiments.scale import (
     Cost,
-    Scale,
     Size,
     choose_scale,
     cost_of,
+    fewer_rows,
     fitting,
     kind_of,
     ladder,
     needed_seconds,
     probe_row,
+    scaled_request,
     scaled_table,
     seconds_of,
     size_of,
     sized,
+    spread_rows,
 )
-from rm3d_plugin.experiments.spec import PaperTable, Part, Request, Row
+from rm3d_plugin.experiments.spec import WHOLE, MeasuredTable, PaperTable, Part, Request, Row, Scale, Table
+from rm3d_plugin.experiments.tables.pseudo_boxes import trained_row
+from rm3d_plugin.experiments.tables.pseudo_label_rounds import synthetic_rows
 from rm3d_plugin.experiments.tables.transfer import boxes_of, points_test
 
 ROOMS, STREETS = Row('rooms', 'rm3d_sem_scannet_0p2pct'), Row('streets', 'rm3d_votenet_kitti_1pct')
@@ -67,14 +73,49 @@ def test_costs_by_hand():
 def test_the_first_rung_that_fits(tmp_path):
     told = []
     request, costs = Request(tmp_path, log=told.append), {'sem_scannet': Cost('sem_scannet', 10.0, 1.0, 0.5)}
-    rows = [ROOMS, Row('same run', ROOMS.config), Row('paper', ROOMS.config, {'strategy': 'paper'})]
-    whole = 2 * 3 * (10 + 72 * (20 + 4 * 0.5))
-    assert needed_seconds(rows, request, costs, Scale(1.0, 1.0, 3)) == whole
-    assert fitting(rows, request, costs, whole) == Scale(1.0, 1.0, 3)
-    assert fitting(rows, request, costs, whole - 1) == Scale(0.5, 1.0, 3)
+    rows = (ROOMS, Row('same run', ROOMS.config), Row('paper', ROOMS.config, {'strategy': 'paper'}))
+    tables = [PaperTable('T', (Part('P', rows, ('mIoU',), 'rooms'), Part('Q', (TURNED,), ('mIoU',), 'turned')))]
+    each = 10 + 72 * (20 + 4 * 0.5)
+    whole = 3 * (2 * each + 10)  # two trainings and a test, three seeds
+    assert needed_seconds(tables, request, costs, WHOLE) == whole
+    measured = MeasuredTable('M', lambda request: None, (ROOMS, Row('one', ROOMS.config, {'budget': 'onept'})))
+    assert needed_seconds([*tables, measured], request, costs, WHOLE) == whole + each  # on one seed
+    assert fitting(tables, request, costs, whole) == Scale(1.0, 1.0, 3)
+    assert fitting(tables, request, costs, whole - 1) == Scale(0.5, 1.0, 3)
+    smallest = 10 + 9 * (4 * 1.0 + 4 * 0.5)  # 9 rooms, 4 epochs, 4 times labels
+    assert fitting(tables, request, costs, 3 * 2 * smallest) == Scale(0.125, 0.25, 3, 1)  # without the test
+    assert fitting(tables, request, costs, 2 * smallest) == Scale(0.125, 0.25, 1, 1)
     assert not told
-    assert fitting(rows, request, costs, 1.0) == Scale(0.125, 0.25, 1) == ladder(3)[-1]
-    assert 'the last tables may be left out' in told[0]
+    assert fitting(tables, request, costs, 1.0) == Scale(0.125, 0.25, 1, 1, 3) == ladder(3)[-1]
+    assert 'even the smallest takes' in told[0]
+
+
+def test_fewer_rows_keep_what_differences_are_told_to():
+    rows = tuple(Row(str(number), 'rm3d_sem_scannet_0p2pct', {'budget': number}) for number in range(9))
+    assert [row.name for row in spread_rows(rows, {'6'}, 4)] == ['0', '4', '6', '8']
+    assert spread_rows(rows, {'6'}, 20) == rows and [row.name for row in spread_rows(rows, {'6', '7'}, 1)] == ['6', '7']
+    against = replace(rows[2], against='5')
+    table = Table('T', (*rows[:2], against, *rows[3:]), {'mIoU': 'mIoU'}, reference='8')
+    small = fewer_rows(table, Scale(rows=3))
+    assert [row.name for row in small.rows] == ['0', '5', '8']
+    told = scaled_table(PaperTable('T', (Part('P', rows, ('mIoU',), '6'),) * 2), Scale(1.0, 1.0, 1, 1, 3))
+    assert len(told.parts) == 1 and [row.name for row in told.rows] == ['0', '6', '8']
+    assert told.notes[0].endswith('1 of the scenes, 1 of the epochs, 1 seeds, 1 parts of a table, 3 rows of a part.')
+
+
+def test_a_smaller_request(tmp_path):
+    request = Request(tmp_path, seeds=(4, 5, 6), scenes=2, points=20000)
+    small = scaled_request(request, Scale(0.125, 0.25, 2))
+    assert (small.seeds, small.scenes, small.points, small.scale) == ((4, 5), 1, 3000, Scale(0.125, 0.25, 2))
+    assert scaled_request(replace(request, scenes=8, points=None), Scale(0.5)).scenes == 4
+    assert scaled_request(replace(request, points=None), Scale(0.5)).points is None
+
+
+def test_measured_tables_train_smaller_runs(tmp_path):
+    small = Request(tmp_path, scale=Scale(0.125, 0.25))
+    assert trained_row(small).options['demo_data.num_train'] == 9
+    rows = synthetic_rows('rooms', small.scale)
+    assert {row.options['sigma'] for own in rows.values() for row in own.values()} == {1}
 
 
 def test_all_tables_in_a_given_time(tmp_path, monkeypatch):
@@ -98,6 +139,4 @@ def test_all_tables_in_a_given_time(tmp_path, monkeypatch):
     again = make_all(request, fake, 20.0, ('one', 'two'))
     assert again == text and measured == [4]  # the scale is kept, nothing is trained or timed again
     assert sum('training' in line for line in told) == 4
-    assert choose_scale(part.rows, request, 20.0) == Scale(0.25, 0.5, 2)
-    late = make_all(request, fake, -1.0, ('one',))
-    assert 'not made: the -1 minutes were over' in late
+    assert choose_scale([TABLES['one']], request, 20.0) == Scale(0.25, 0.5, 2)

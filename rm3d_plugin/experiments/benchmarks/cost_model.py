@@ -6,8 +6,8 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,10 +61,12 @@ class CostModel:
     Attributes:
         weights: (phase, 'cpu_s' or 'peak_mb') -> weight of each term of :data:`GROWTH`, none negative.
         crop: Most points of a training step.
+        beside: Times as many processor seconds where other processes run beside.
     """
 
     weights: Mapping[tuple[str, str], tuple[float, ...]]
     crop: int
+    beside: float = 1.0
 
     def cost(self, phase: str, what: str, points: float) -> float:
         """Seconds or MiB of a phase of one scene.
@@ -79,8 +81,8 @@ class CostModel:
         return sum(weight * term for weight, term in zip(self.weights[phase, what], terms, strict=True))
 
     def cpu_seconds(self, work: Workload) -> dict[str, float]:
-        """Processor seconds of each phase of a whole run."""
-        once = {phase: self.cost(phase, 'cpu_s', work.points) * work.scenes for phase in PHASES}
+        """Processor seconds of each phase of a whole run, in processes beside each other."""
+        once = {phase: self.beside * self.cost(phase, 'cpu_s', work.points) * work.scenes for phase in PHASES}
         return {
             'first labels': once['labels, round 0'],
             'training': once['step'] * work.epochs,
@@ -96,25 +98,42 @@ class CostModel:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the benchmark."""
     parser.add_argument(
-        '--sizes', type=int, nargs='+', default=[10_000, 30_000, 100_000, 300_000, 1_000_000], help='points of a scan'
+        '--sizes',
+        type=int,
+        nargs='+',
+        default=[10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000],
+        help='points of a scan',
+    )
+    parser.add_argument('--processes', type=int, default=2, help='that run beside each other')
+    parser.add_argument(
+        '--together', type=int, default=100_000, help='points of the scans that they run on; of --sizes'
     )
     parser.add_argument('--unseen', type=int, default=200_000, help='points of the scan that the fit has not seen')
     parser.add_argument('--crop', type=int, default=100_000, help='most points of a step')
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Measure each size in a process of its own, fit, check, and tell what large data sets cost."""
-    measured = {size: _measure(size, args) for size in (*args.sizes, args.unseen)}
-    model = fit({size: measured[size] for size in args.sizes}, args.crop)
+    """Measure each size in a process of its own, fit, check, and tell what large data cost."""
+    measured = {size: _measure(size, args) for size in {*args.sizes, args.together, args.unseen}}
+    together = {size: _measure(size, args, args.processes) for size in (args.together, args.unseen)}
+    beside = cpu_seconds(together[args.together]) / cpu_seconds(measured[args.together])
+    model = replace(fit({size: measured[size] for size in args.sizes}, args.crop), beside=beside)
     return {
         'crop': args.crop,
         'measured': measured,
         'weights': {f'{phase}, {what}': weights for (phase, what), weights in model.weights.items()},
         'terms': {what: list(names) for what, names in GROWTH.items()},
+        'processes': {'at a time': args.processes, 'times the seconds': round(beside, 3), 'measured': together},
         'unseen': check(model, args.unseen, measured[args.unseen]),
+        'unseen, processes': check(model, args.unseen, together[args.unseen], beside),
         'projections': {name: project(model, work) for name, work in WORKLOADS.items()},
         'machine': machine(),
     }
+
+
+def cpu_seconds(found: Mapping[str, Mapping[str, float]]) -> float:
+    """Of all phases."""
+    return sum(phase['cpu_s'] for phase in found.values())
 
 
 def fit(measured: Mapping[int, Mapping[str, Mapping[str, float]]], crop: int) -> CostModel:
@@ -134,17 +153,22 @@ def fit(measured: Mapping[int, Mapping[str, Mapping[str, float]]], crop: int) ->
     )
 
 
-def check(model: CostModel, points: int, found: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """What the model said of a size that it has not seen, and by how many percent it is off."""
-    told = {}
-    for phase in PHASES:
-        for what in GROWTH:
-            said, true = model.cost(phase, what, points), found[phase][what]
-            told[f'{phase}, {what}'] = {'said': round(said, 2), 'measured': true, 'off_percent': _off(said, true)}
-    whole = sum(model.cost(phase, 'cpu_s', points) for phase in PHASES)
-    true = sum(found[phase]['cpu_s'] for phase in PHASES)
-    told['all phases, cpu_s'] = {'said': round(whole, 2), 'measured': round(true, 2), 'off_percent': _off(whole, true)}
-    return told
+def check(
+    model: CostModel, points: int, found: Mapping[str, Mapping[str, float]], beside: float = 1.0
+) -> dict[str, dict[str, float]]:
+    """What the model said of a size that it has not seen, and by how many percent it is off.
+
+    Args:
+        model: Fitted.
+        points: The size.
+        found: Phase -> 'cpu_s' and 'peak_mb', measured.
+        beside: Times as many seconds as of one process.
+    """
+    factors = {'cpu_s': beside, 'peak_mb': 1.0}
+    said = {(phase, what): factors[what] * model.cost(phase, what, points) for phase in PHASES for what in GROWTH}
+    told = {f'{phase}, {what}': _told(value, found[phase][what]) for (phase, what), value in said.items()}
+    whole = sum(value for (_, what), value in said.items() if what == 'cpu_s')
+    return {**told, 'all phases, cpu_s': _told(whole, cpu_seconds(found))}
 
 
 def project(model: CostModel, work: Workload) -> dict[str, Any]:
@@ -165,13 +189,23 @@ def phases_of(found: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, f
     return {phase: {what: float(found[name][what]) for what in GROWTH} for phase, name in names.items()}
 
 
-def _measure(points: int, args: argparse.Namespace) -> dict[str, dict[str, float]]:
+def _measure(points: int, args: argparse.Namespace, processes: int = 1) -> dict[str, dict[str, float]]:
+    """Phases of a run on a scan; of several processes at the same time the mean."""
     environment = {**os.environ, 'NUMBA_NUM_THREADS': str(args.threads), 'PYTHONPATH': os.pathsep.join(sys.path)}
     command = [sys.executable, '-c', large_scene.CHILD, *map(str, (points, args.crop, 2, args.threads))]
-    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
-    found = phases_of(json.loads(done.splitlines()[-1])['phases'])
-    print(f'{points} points: {sum(phase["cpu_s"] for phase in found.values()):.0f} CPU s', file=sys.stderr, flush=True)
+    children = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(processes)]
+    texts = [child.communicate()[0] for child in children]
+    for child in children:
+        if child.returncode:
+            raise subprocess.CalledProcessError(child.returncode, command)
+    found = mean_phases([phases_of(json.loads(text.splitlines()[-1])['phases']) for text in texts])
+    print(f'{points} points, {processes} at a time: {cpu_seconds(found):.0f} CPU s', file=sys.stderr, flush=True)
     return found
+
+
+def mean_phases(found: Sequence[Mapping[str, Mapping[str, float]]]) -> dict[str, dict[str, float]]:
+    """The mean of several measurements of the same phases."""
+    return {phase: {what: sum(own[phase][what] for own in found) / len(found) for what in GROWTH} for phase in PHASES}
 
 
 def _weights(
@@ -184,5 +218,6 @@ def _weights(
     return tuple((nnls(rows / scale, np.ones(len(rows)))[0] / scale).tolist())
 
 
-def _off(said: float, true: float) -> float:
-    return round(100 * (said / true - 1), 1) if true else math.inf
+def _told(said: float, true: float) -> dict[str, float]:
+    off = round(100 * (said / true - 1), 1) if true else math.inf
+    return {'said': round(said, 2), 'measured': round(true, 2), 'off_percent': off}

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from rm3d_plugin.experiments.kept import kept_rows
 from rm3d_plugin.experiments.next_click import SCORES
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section
 from rm3d_plugin.experiments.scenes import load_collections, real_root
-from rm3d_plugin.experiments.spec import Request
+from rm3d_plugin.experiments.spec import WHOLE, Request
 from rm3d_plugin.visualization.tables import LinePanel, draw_lines
 
 CLICKS = 30  # of each run
@@ -32,7 +33,8 @@ def clicks_table(request: Request, scores: Sequence[str] = SCORES, clicks: int =
 
     Args:
         request: Its ``data`` are keys of :data:`GROUPS`; synthetic scans as many as ``scenes``, real ones all there are
-            (in ``data_root``, default: environment variable RM3D_REAL_DATA), each whole.
+            (in ``data_root``, default: environment variable RM3D_REAL_DATA), each whole. Where its scale is not the
+            whole, as many real ones as ``scenes``.
         scores: Of :data:`~rm3d_plugin.experiments.next_click.SCORES`.
         clicks: Of each run.
 
@@ -61,7 +63,8 @@ def scans_of_group(group: str, request: Request) -> Iterator[Scan]:
         for collection in load_collections(replace(request, data=('streets',), points=None)):
             yield from (Scan(scene.name, scene.cloud, scene.semantic) for scene in collection.scenes)
     else:
-        yield from (oakland if group == 'oakland' else semantickitti)(root)
+        scans = (oakland if group == 'oakland' else semantickitti)(root)
+        yield from scans if request.scale == WHOLE else islice(scans, request.scenes)
 
 
 def fill_clicks(curves: dict[str, list[Curve]], seeds: Sequence[int]) -> FilledTable:

@@ -2,14 +2,12 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int
 
 from rm3d_plugin.descriptors import Descriptor
-from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.functional.matching import (
     LEAST_INLIERS,
     feature_match_recall,
@@ -18,12 +16,12 @@ from rm3d_plugin.evaluation.functional.matching import (
     motion_rmse,
     same_object_auc,
 )
-from rm3d_plugin.experiments.compared_descriptors import asked_descriptors, build_descriptor
-from rm3d_plugin.experiments.kept import descriptor_asked, kept_rows
+from rm3d_plugin.experiments.compared_descriptors import asked_descriptors
+from rm3d_plugin.experiments.measured_descriptors import Entry, Measured, measure_table
 from rm3d_plugin.experiments.poses import HEADING, POSES, TITLES, Pose, pose_cell, posed
-from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
+from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section
 from rm3d_plugin.experiments.scan_pairs import INLIER, REGISTERED, ScanPair, cut_pair, length_unit, true_places
-from rm3d_plugin.experiments.scenes import Collection, TableScene, load_collections
+from rm3d_plugin.experiments.scenes import Collection, TableScene
 from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.inference.oversegment import build_part
 from rm3d_plugin.ops.rigid_fit import ransac_rigid
@@ -40,9 +38,6 @@ PATCHES = {  # supervoxels by normals and places alone, the same for every descr
     'indoor': {'voxel_size': 0.05, 'seed_size': 0.3},
     'lidar': {'voxel_size': 0.3, 'seed_size': 1.8},
 }
-COLUMNS = (
-    'descriptor', 'match recall', 'inlier ratio', 'registration recall', 'region AUC', 'described', 'CPU s / 10,000',
-)  # fmt: skip
 REGION_NEIGHBORS = 8  # adjacent regions that each is compared with
 
 
@@ -119,22 +114,16 @@ def matching_table(request: Request) -> FilledTable:
     Raises:
         ConfigError: None of the data are there, or a descriptor is not among those that are compared.
     """
-    rows: list[MatchingScores] = []
-    for collection in load_collections(request):
-        trials = cache(partial(make_trials, collection, request.seed))
-        for name in asked_descriptors(request):
-            part = build_descriptor(name, collection)
-            rows += kept_rows(
-                request.out / 'measured' / f'descriptors-matching_{collection.name}_{name}.json',
-                descriptor_asked(request, part),
-                MatchingScores,
-                partial(measure, name, part, collection.title, trials, request.seed),
-            )
-            save(fill_matching(rows, request.seed), request.out, 'descriptors-matching')
-            request.log(f'{collection.title}: {name} done')
-    if not rows:
-        raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')
-    return fill_matching(rows, request.seed)
+
+    def entry(name: str) -> Entry:
+        return Entry(
+            name,
+            name,
+            lambda part, collection, trials: measure(name, part, collection.title, trials, request.seed),
+        )
+
+    entries = [entry(name) for name in asked_descriptors(request)]
+    return measure_table(Measured('descriptors-matching', MatchingScores, entries, make_trials, fill_matching), request)
 
 
 def make_trials(collection: Collection, seed: int) -> list[Trial]:

@@ -1,23 +1,20 @@
 """Table 1 of the paper: how well regions keep to objects, for each descriptor, as scanned and turned."""
 
-import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Int
 
 from rm3d_plugin.descriptors import Descriptor
-from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.functional.boundary import boundary_scores
 from rm3d_plugin.experiments.compared_descriptors import asked_descriptors, build_descriptor
-from rm3d_plugin.experiments.kept import descriptor_asked, kept_rows
+from rm3d_plugin.experiments.measured_descriptors import Entry, Measured, measure_table
 from rm3d_plugin.experiments.poses import HEADING, POSES, TITLES, Pose, pose_cell, posed
-from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
-from rm3d_plugin.experiments.scenes import Collection, TableScene, load_collections
+from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section
+from rm3d_plugin.experiments.scenes import Collection, TableScene
 from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.inference.oversegment import POINTS_PER_REGION, build_part
 from rm3d_plugin.label_budgets import PointAmount, draw_points
@@ -120,23 +117,18 @@ def descriptor_table(request: Request) -> FilledTable:
     Raises:
         ConfigError: None of the data are there, or a descriptor is not among those that are compared.
     """
-    rows: list[OversegScores] = []
-    methods = [m for m in asked_methods(request) if _can_run(m, request.log)]
-    for collection in load_collections(request):
-        for method in methods:
-            start = time.process_time()
-            slug = re.sub(r'[^A-Za-z]+', '-', method.title)
-            rows += kept_rows(
-                request.out / 'measured' / f'descriptors-overseg_{collection.name}_{slug}.json',
-                descriptor_asked(request, build_descriptor(method.descriptor, collection)),
-                OversegScores,
-                partial(measure_method, method, collection, request.seed),
-            )
-            save(fill_overseg(rows, request.seed), request.out, 'descriptors-overseg')
-            request.log(f'{collection.title}: {method.title}: {time.process_time() - start:.0f} CPU s')
-    if not rows:
-        raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')
-    return fill_overseg(rows, request.seed)
+
+    def entry(method: Method) -> Entry:
+        return Entry(
+            method.title,
+            method.descriptor,
+            lambda part, collection, shared: measure_method(method, collection, request.seed),
+        )
+
+    entries = [entry(method) for method in asked_methods(request) if _can_run(method, request.log)]
+    return measure_table(
+        Measured('descriptors-overseg', OversegScores, entries, lambda collection, seed: None, fill_overseg), request
+    )
 
 
 def measure_method(method: Method, collection: Collection, seed: int) -> list[OversegScores]:

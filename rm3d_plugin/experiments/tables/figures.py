@@ -11,10 +11,10 @@ from jaxtyping import Int
 
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section
 from rm3d_plugin.experiments.runner import Commands, run_folder, run_rows
-from rm3d_plugin.experiments.scale import Scale, scaled_row
+from rm3d_plugin.experiments.scale import scaled_row
 from rm3d_plugin.experiments.scenes import Collection, TableScene, load_collections
 from rm3d_plugin.experiments.scores import label_source
-from rm3d_plugin.experiments.spec import Request, Row
+from rm3d_plugin.experiments.spec import WHOLE, Request, Row, Scale
 from rm3d_plugin.experiments.tables.paper_rows import AS_PAPER, DEFAULT, PAPER, descriptor_names, leaf_row
 from rm3d_plugin.inference.oversegment import build_part
 from rm3d_plugin.label_budgets import PointAmount, draw_points
@@ -28,9 +28,10 @@ from rm3d_plugin.visualization.bev import BevPanel, class_point_colors, draw_bev
 from rm3d_plugin.visualization.palette import region_colors
 from rm3d_plugin.visualization.tables import BarPanel, draw_bars
 
-LEAF, SMALL = 'rm3d_ins_scannet_0p2pct', Scale(0.125, 1.0, 1)  # instances: their groups are the merged regions
+LEAF, SMALL = 'rm3d_ins_scannet_0p2pct', Scale(0.125)  # instances: their groups are the merged regions
 SHOWN = ('AdaptedPFH', 'PFH', 'VCCS', 'Contrastive')  # of the paper's Figures 6 and 7; those that are registered
 MARGIN = 0.3  # m around a scene
+PICTURES = 'Pictures: figure_labels.png, figure_rooms.png, figure_streets.png.'
 PERCENT = 0.2  # of the points of a scene, annotated
 MAX_GAP = {'indoor': 0.1, 'lidar': 0.6}  # m, as in the configs
 HEADS = {'coverage': 'points with a label, %', 'precision': 'pseudo labels right, %', 'offset_error': 'offset error, m'}
@@ -64,7 +65,8 @@ def figures_table(request: Request, commands: Commands | None = None) -> FilledT
         request: Its seed draws the labels; ``points`` of each scene are merged by descriptor.
         commands: What trains.
     """
-    rows = {name: scaled_row(row, SMALL) for name, row in method_rows().items()}
+    scale = SMALL if request.scale == WHOLE else request.scale
+    rows = {name: scaled_row(row, scale) for name, row in method_rows().items()}
     run_rows(list(rows.values()), replace(request, seeds=(request.seed,)), commands)
     folders = {name: run_folder(request.out, row, request.seed) for name, row in rows.items()}
     write_bytes(request.out / 'figure_labels.png', draw_rounds(folders[PAPER]))
@@ -72,7 +74,8 @@ def figures_table(request: Request, commands: Commands | None = None) -> FilledT
     for collection in load_collections(few):
         picture = draw_merging(collection, request.seed)
         write_bytes(request.out / f'figure_{collection.name}.png', picture)
-    return fill_quality([quality for name, folder in folders.items() for quality in qualities(name, folder)])
+    found = [quality for name, folder in folders.items() for quality in qualities(name, folder)]
+    return fill_quality(found, notes=(f'Smaller than the demo: {scale}.', PICTURES))
 
 
 def method_rows() -> dict[str, Row]:
@@ -164,7 +167,7 @@ def qualities(method: str, folder: Path) -> list[Quality]:
 def fill_quality(
     found: Sequence[Quality],
     title: str = 'Quality of labels by round and method: instances of demo rooms, 0.2 % of the points annotated',
-    notes: tuple[str, ...] = (f'{SMALL}.', 'Pictures: figure_labels.png, figure_rooms.png, figure_streets.png.'),
+    notes: tuple[str, ...] = (),
 ) -> FilledTable:
     """A section a method, a row a round; the picture has the last round of each.
 

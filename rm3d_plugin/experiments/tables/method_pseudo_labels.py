@@ -13,6 +13,7 @@ from rm3d_plugin.baselines import BASELINES
 from rm3d_plugin.engine.hooks.prediction_quality_hook import RECORD
 from rm3d_plugin.experiments.render import FilledTable
 from rm3d_plugin.experiments.runner import Commands, run_folder, run_rows
+from rm3d_plugin.experiments.scale import scaled_row
 from rm3d_plugin.experiments.spec import Request, Row
 from rm3d_plugin.experiments.tables.figures import Quality, fill_quality, quality_of
 from rm3d_plugin.storage import content_of, read_json
@@ -52,8 +53,8 @@ def method_pseudo_label_table(request: Request, commands: Commands | None = None
     Raises:
         ConfigError: A run failed.
     """
-    rows = observed_rows()
-    run_rows(list(rows), replace(request, seeds=(request.seed,)), commands)
+    rows = [scaled_row(row, request.scale) for row in observed_rows()]
+    run_rows(rows, replace(request, seeds=(request.seed,)), commands)
     found = [said for row in rows for said in noted(row.name, run_folder(request.out, row, request.seed))]
     return fill_quality(found, TITLE.format(request.seed), NOTES)
 

@@ -5,10 +5,9 @@ from typing import Any, NamedTuple
 
 from rm3d_plugin.baselines import COMBINATIONS, FULL_SUPERVISION, LABELLED_ONLY, METHODS, Baseline, Task
 from rm3d_plugin.experiments.spec import BUDGETS, DEMO, Row, Table
+from rm3d_plugin.experiments.tables.paper_rows import with_budget
 from rm3d_plugin.experiments.tables.published import paper_gain, published_gain
 
-LEAVES = {('sem', 'oakland'): '1pct', ('votenet', 'kitti'): '1pct'}  # budget of a method's leaf; else that of USUAL
-USUAL = '0p2pct'
 KNOWN_INSTANCES = {  # where whole scenes are annotated, offsets are learnt
     'dice_loss': '${instance_dice}',
     'offset_weight': 1.0,
@@ -40,23 +39,18 @@ class Setting(NamedTuple):
         """Name of a row."""
         return f'{title} ({BUDGETS[self.budget]})'
 
-    def options(self, weak: bool) -> dict[str, Any]:
-        """What differs from a leaf: the budget, and where all of a scene is known what that allows."""
-        usual = LEAVES.get((self.task, self.data), USUAL)
-        options: dict[str, Any] = {} if self.budget == usual else {'budget': self.budget}
-        known = weak and self.task == 'ins' and self.budget.startswith('scenes')
-        return {**options, **KNOWN_INSTANCES} if known else options
-
-    def leaf(self, prefix: str) -> str:
-        """Name of a config."""
-        return f'{prefix}_{self.task}_{self.data}_{LEAVES.get((self.task, self.data), USUAL)}'
+    def leaf(self, prefix: str) -> tuple[str, dict[str, Any]]:
+        """Name of a config, and what differs from it: the budget, and what whole scenes teach the compared methods."""
+        config, options = with_budget(f'{prefix}_{self.task}_{self.data}_{{budget}}', self.task, self.budget)
+        known = self.task == 'ins' and self.budget.startswith('scenes') and not prefix.startswith('rm3d')
+        return config, {**options, **KNOWN_INSTANCES} if known else options
 
 
 def setting_rows(setting: Setting, train: tuple[str, ...] = DEMO) -> tuple[Row, ...]:
     """The labels alone, every method that has the task, RM3D as in the paper, RM3D, and RM3D with what helps."""
     weak = setting.named(LABELLED_ONLY.row(setting.task))
     methods = [method for method in METHODS if setting.task in method.options]
-    rows = [Row(weak, setting.leaf('sup'), setting.options(weak=True), train)]
+    rows = [Row(weak, *setting.leaf('sup'), train)]
     rows += [_row(setting, method.name, method.row(setting.task), method.name, {}, train) for method in methods]
     for title, further in (('RM3D as in the paper', {'strategy': 'paper'}), ('RM3D', {})):
         rows.append(_row(setting, 'rm3d', title, 'rm3d', further, train))
@@ -74,11 +68,11 @@ def _both(setting: Setting) -> list[Baseline]:
 def _row(
     setting: Setting, method: str, title: str, prefix: str, further: Mapping[str, Any], train: tuple[str, ...]
 ) -> Row:
-    options = {**setting.options(weak=not prefix.startswith('rm3d')), **further}
+    config, options = setting.leaf(prefix)
     return Row(
         setting.named(title),
-        setting.leaf(prefix),
-        options,
+        config,
+        {**options, **further},
         train,
         against=setting.named(LABELLED_ONLY.row(setting.task)),
         paper_gain=paper_gain(setting.key, method),

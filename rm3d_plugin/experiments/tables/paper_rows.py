@@ -63,7 +63,7 @@ def method_rows_of(task: Task, data: str, budget: str) -> tuple[Row, ...]:
 
 def rm3d_leaf(task: Task, data: str, budget: str) -> tuple[str, dict[str, Any]]:
     """Leaf of RM3D for a budget, and the options where no leaf has that budget."""
-    return _with_budget(f'rm3d_{task}_{data}_{{budget}}', task, budget)
+    return with_budget(f'rm3d_{task}_{data}_{{budget}}', task, budget)
 
 
 def descriptor_rows(config: str, options: Mapping[str, Any], test: Any = None) -> tuple[Row, ...]:
@@ -108,13 +108,20 @@ def once(rows: Iterable[Row]) -> tuple[Row, ...]:
 
 
 def _compared(baseline: Baseline, task: Task, data: str, budget: str) -> Row | None:
-    config, options = _with_budget(baseline.config(task, data, '{budget}'), task, budget)
+    config, options = with_budget(baseline.config(task, data, '{budget}'), task, budget)
     if not has_config(config):
         return None
     return leaf_row(baseline.row(task), config, options, f'{baseline.name} {budget}')
 
 
-def _with_budget(leaf: str, task: Task, budget: str) -> tuple[str, dict[str, Any]]:
+def with_budget(leaf: str, task: Task, budget: str) -> tuple[str, dict[str, Any]]:
+    """The leaf that has a budget, or the usual one and the option that changes it; so tables share runs.
+
+    Args:
+        leaf: Name of a config, ``{budget}`` in the place of the budget.
+        task: sem, ins or votenet.
+        budget: Label budget, as configs name it.
+    """
     own = leaf.format(budget=budget)
     if has_config(own):
         return own, {}

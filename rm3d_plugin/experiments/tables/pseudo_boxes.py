@@ -14,6 +14,7 @@ from rm3d_plugin.engine.run import label_hooks
 from rm3d_plugin.engine.scene_prediction import scene_prediction
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, bar_figure
 from rm3d_plugin.experiments.runner import Commands, run_folder, run_rows
+from rm3d_plugin.experiments.scale import scaled_row
 from rm3d_plugin.experiments.spec import Request, Row
 from rm3d_plugin.inference.trained import TrainedNetwork, load_network
 from rm3d_plugin.labeling import LabelMaker
@@ -25,6 +26,7 @@ SMALL = {  # the network of the demo, for real frames
     'voxel_size': 0.15, 'widths': [16, 32, 48, 64], 'blocks': 1, 'num_seeds': 512, 'num_proposals': 128, 'hidden': 64,
     'rounds': 10, 'warm_up_rounds': 6, 'learning_rate': 2e-3, 'val_rounds': 10,
 }  # fmt: skip
+TRAINED = Row('labelled boxes alone', ALONE)
 HEADS = ('pseudo boxes', 'right', 'hidden')
 
 
@@ -66,7 +68,7 @@ class BoxCounts(NamedTuple):
 def trained_row(request: Request) -> Row:
     """What is trained: on the demo's streets, or on the folder of KITTI that ``data_root`` names."""
     if request.data_root is None:
-        return Row('labelled boxes alone', ALONE)
+        return scaled_row(TRAINED, request.scale)
     return Row('labelled boxes alone', ALONE, {**SMALL, 'data_root': str(request.data_root)}, train=())
 
 

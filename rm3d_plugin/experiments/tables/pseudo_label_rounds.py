@@ -14,9 +14,10 @@ from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section
 from rm3d_plugin.experiments.runner import Commands, run_folder, run_rows
+from rm3d_plugin.experiments.scale import scaled_row
 from rm3d_plugin.experiments.scenes import real_root
 from rm3d_plugin.experiments.scores import label_source
-from rm3d_plugin.experiments.spec import BUDGETS, Request, Row
+from rm3d_plugin.experiments.spec import BUDGETS, WHOLE, Request, Row, Scale
 from rm3d_plugin.experiments.tables.propagation import Scan, oakland_scans, scan_rows, semantickitti_scans
 from rm3d_plugin.labeling import LabelSource
 from rm3d_plugin.labeling.round_summary import summarise_points
@@ -51,15 +52,16 @@ class RoundShares(NamedTuple):
     precision: float
 
 
-def synthetic_rows(kind: str) -> dict[str, dict[str, Row]]:
+def synthetic_rows(kind: str, scale: Scale = WHOLE) -> dict[str, dict[str, Row]]:
     """Name of the data -> strategy -> what is trained, for synthetic rooms or streets."""
     rows = {}
     for budget in SYNTHETIC_BUDGETS:
         leaf, name = f'rm3d_sem_{SYNTHETIC[kind]}_{budget}', f'{kind} (synthetic), {BUDGETS[budget]}'
-        rows[name] = {
+        trained = {
             'paper': Row(f'{name}: RM3D as in the paper', leaf, {'strategy': 'paper'}),
             'rm3d': Row(f'{name}: RM3D', leaf),
         }
+        rows[name] = {strategy: scaled_row(row, scale) for strategy, row in trained.items()}
     return rows
 
 
@@ -91,7 +93,8 @@ def pseudo_label_table(request: Request, commands: Commands | None = None) -> Fi
         ConfigError: There is nothing to train on, or a run failed.
     """
     real = {scan.name: real_rows(scan, request) for scan in real_scans(request)}
-    made = {name: rows for kind in request.data if kind in SYNTHETIC for name, rows in synthetic_rows(kind).items()}
+    kinds = [kind for kind in request.data if kind in SYNTHETIC]
+    made = {name: rows for kind in kinds for name, rows in synthetic_rows(kind, request.scale).items()}
     if not real and not made:
         raise ConfigError(f'nothing to train on: none of {", ".join(request.data)} is there')
     everything = real | made

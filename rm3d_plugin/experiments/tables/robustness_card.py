@@ -2,23 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.descriptors import Descriptor, cosine_similarity
-from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.experiments.compared_descriptors import asked_descriptors, build_descriptor
-from rm3d_plugin.experiments.kept import descriptor_asked, kept_rows
-from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section, save
-from rm3d_plugin.experiments.scenes import (
-    Collection,
-    described_surface,
-    load_collections,
-    turned,
-)
+from rm3d_plugin.experiments.compared_descriptors import asked_descriptors
+from rm3d_plugin.experiments.measured_descriptors import Entry, Measured, measure_table
+from rm3d_plugin.experiments.render import Cell, FilledTable, NamedRow, Section
+from rm3d_plugin.experiments.scenes import Collection, described_surface, turned
 from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.ops.turns import turn_about
 from rm3d_plugin.structures import Descriptors, PointCloud
@@ -172,22 +165,16 @@ def robustness_table(request: Request) -> FilledTable:
     Raises:
         ConfigError: None of the data are there, or a descriptor is not among those that are compared.
     """
-    rows: list[CardRow] = []
-    for collection in load_collections(request):
-        changes = cache(partial(change_scenes, collection, request.seed))
-        for name in asked_descriptors(request):
-            part = build_descriptor(name, collection)
-            rows += kept_rows(
-                request.out / 'measured' / f'robustness-card_{collection.name}_{name}.json',
-                descriptor_asked(request, part),
-                CardRow,
-                partial(measure_card, name, part, collection.title, changes, request.seed),
-            )
-            save(fill_card(rows, request.seed), request.out, 'robustness-card')
-            request.log(f'{collection.title}: {name} done')
-    if not rows:
-        raise ConfigError(f'nothing to measure: none of {", ".join(request.data)} is there')
-    return fill_card(rows, request.seed)
+
+    def entry(name: str) -> Entry:
+        return Entry(
+            name,
+            name,
+            lambda part, collection, changes: measure_card(name, part, collection.title, changes, request.seed),
+        )
+
+    entries = [entry(name) for name in asked_descriptors(request)]
+    return measure_table(Measured('robustness-card', CardRow, entries, change_scenes, fill_card), request)
 
 
 def change_scenes(collection: Collection, seed: int) -> list[Change]:
