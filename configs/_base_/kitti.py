@@ -59,6 +59,7 @@ objects = dict(
 demo = dict(
     data_root='data/demo_streets',
     demo_data=dict(scenes='streets', num_train=70, num_val=30, seed=0),
+    num_workers=1,  # scenes are read and pasted into beside the network
     oversegmenter=dict(max_edge=0.3, range_growth=0.015),  # m; the virtual lidar has half as many points a turn
     voxel_size=0.15,
     widths=[16, 32, 48, 64],

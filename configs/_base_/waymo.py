@@ -61,6 +61,7 @@ objects = dict(  # as on KITTI's page
 demo = dict(
     data_root='data/demo_waymo',
     demo_data=dict(scenes='waymo_streets', num_train=70, num_val=30, seed=0),
+    num_workers=1,  # scenes are read and pasted into beside the network
     every=1,
     oversegmenter=dict(max_edge=0.3, range_growth=0.015),  # m; the virtual lidar has half as many points a turn
     voxel_size=0.15,

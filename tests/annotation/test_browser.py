@@ -35,7 +35,7 @@ STARTS = 8  # seconds in which a browser starts; a second without load
 DRAWS = "() => !!document.createElement('canvas').getContext('webgl2')"
 POINTS = 20_000
 TILE = real_root() / 'oakland' / 'oakland_part3_ap.xyz_label_conf'
-PLACES = [(0.3, 0.4), (0.45, 0.55), (0.6, 0.45), (0.5, 0.35), (0.4, 0.6)]  # of the picture, one a class
+PLACES = [(0.3, 0.4), (0.45, 0.55), (0.65, 0.5), (0.46, 0.41), (0.35, 0.55)]  # of the picture, one a class
 
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason='no chromium on this machine'),
