@@ -21,6 +21,7 @@ SIZES = {
     'num_seeds',
     'num_proposals',
     'batch_size',
+    'num_workers',  # processes that read; the numbers are the same
 }
 # Lengths that follow the distance between points: the virtual lidar has half as many points a turn as KITTI's, and the
 # virtual camera leaves a point each 4 cm, where real rooms have one each 1 to 2 cm.
