@@ -194,7 +194,7 @@ class DetectionLabelMaker(LabelMaker):
         """See :func:`most_boxes`."""
         rounds = [self.store.summary(earlier)['boxes'].values() for earlier in range(1, number)]
         found = [[row['pseudo'] for row in boxes] for boxes in rounds]
-        return most_boxes(found, self.class_counts[: len(self.mean_sizes)], self.rules.objects.max_growth)
+        return most_boxes(found, self.class_counts, self.rules.objects.max_growth)
 
     def _inputs(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneInputs:
         previous = self.store.read(scene_id, number - 1) if number else None
