@@ -8,7 +8,7 @@ from pathlib import Path
 import numba
 import torch
 
-from rm3d_plugin.commands.numbers import whole
+from rm3d_plugin.commands.numbers import number, whole
 from rm3d_plugin.experiments.benchmarks import (
     annotate_page,
     clicks_to_quality,
@@ -53,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command.add_argument('--threads', type=whole(), default=1, help='threads of torch and of our kernels')
         command.add_argument('--repeats', type=whole(), default=7, help='timed repeats; the median counts')
         command.add_argument('--json', type=Path, help='file that receives the numbers')
+        command.register('type', int, whole(0))  # for all that a benchmark asks
+        command.register('type', float, number('a number above 0', above=0.0))
         benchmark.add_arguments(command)
         command.set_defaults(run=benchmark.run)
     args = parser.parse_args(arguments)

@@ -6,6 +6,8 @@ A number of up to 15 digits is read by machine code and equals Python's ``float`
 
 # mypy: disable-error-code="no-untyped-def"
 # ruff: noqa: ANN001, ANN202
+import re
+
 import numpy as np
 from jaxtyping import Float
 from numba import njit
@@ -16,6 +18,7 @@ POWERS = 10.0 ** np.arange(23)  # these are exact in float64
 _NEWLINE, _RETURN, _HASH, _SLASH = 10, 13, 35, 47
 _BLANK = np.zeros(256, dtype=np.bool_)
 _BLANK[[32, 9, _RETURN, 44, 59]] = True  # space, tab, end of line, comma, semicolon
+_FORTRAN = re.compile(rb'(\d\.?)[dD]([+-]?\d+)$')  # its exponents
 _COMMAS = bytes.maketrans(b',;', b'  ')
 
 
@@ -82,7 +85,7 @@ def parse_table(text: bytes, columns: int | None = None, separator: str = '') ->
 def _read_slowly(text: bytes, spans: np.ndarray, out: np.ndarray) -> None:
     for begin, end, row, column in spans.tolist():
         try:
-            out[row, column] = float(text[begin:end])
+            out[row, column] = float(_FORTRAN.sub(rb'\1e\2', text[begin:end]))
         except ValueError:
             word = text[begin:end].decode('ascii', errors='backslashreplace')
             raise _bad_line(text, begin, f'{word!r} is not a number') from None

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from runs import tiny_runs
 
+from rm3d_plugin.commands.bench import main
+
 
 def _bench(folder, arguments):
     os.environ['PCL_ROOT'] = str(folder)
@@ -81,3 +83,13 @@ def test_clicks_on_a_scan(tmp_path):
     many = result['twenty a class, seed 3']
     assert many['scans'] == 1 and many['walker_miou'] is None and many['intervals'] == 1
     assert many['ours_miou'] > 97 and many['seconds_prepare'] >= 0
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (['prepare', '--sizes', '-5'], '--sizes: expected a whole number from 0, got -5'),
+    (['octree', '--neighbors', '0'], '--neighbors: expected a number above 0, got 0'),
+])  # fmt: skip
+def test_numbers_out_of_range_are_told_before_anything_runs(words, said, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(words)
+    assert caught.value.code == 2 and said in capsys.readouterr().err

@@ -41,6 +41,12 @@ def test_many_long_numbers_and_wide_rows():
     )
 
 
+def test_exponents_as_fortran_writes_them():
+    assert parse_table(b'1.5D+02 -2d0 3.D-1\n').tolist() == [[150, -2, 0.3]]
+    with pytest.raises(BadTextError, match="'D2' is not a number"):
+        parse_table(b'1 D2\n')
+
+
 def test_nan_infinity_and_nothing():
     assert np.isnan(parse_table(b'nan 1\n')[0, 0]) and parse_table(b'-inf\n').tolist() == [[-np.inf]]
     assert parse_table(b'').shape == (0, 0) and parse_table(b'# no\n\n', columns=6).shape == (0, 6)
