@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command.add_argument('--repeats', type=whole(), default=7, help='timed repeats; the median counts')
         command.add_argument('--json', type=Path, help='file that receives the numbers')
         command.register('type', int, whole(0))  # for all that a benchmark asks
-        command.register('type', float, number('a number above 0', above=0.0))
+        command.register('type', float, number('a number from 0', least=0.0))
         benchmark.add_arguments(command)
         command.set_defaults(run=benchmark.run)
     args = parser.parse_args(arguments)

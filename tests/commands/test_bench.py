@@ -87,7 +87,7 @@ def test_clicks_on_a_scan(tmp_path):
 
 @pytest.mark.parametrize(('words', 'said'), [
     (['prepare', '--sizes', '-5'], '--sizes: expected a whole number from 0, got -5'),
-    (['octree', '--neighbors', '0'], '--neighbors: expected a number above 0, got 0'),
+    (['octree', '--neighbors', '-1'], '--neighbors: expected a number from 0, got -1'),
 ])  # fmt: skip
 def test_numbers_out_of_range_are_told_before_anything_runs(words, said, capsys):
     with pytest.raises(SystemExit) as caught:

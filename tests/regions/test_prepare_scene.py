@@ -113,7 +113,9 @@ def test_points_in_any_order_make_the_same_scene():
     assert (memory_order(cloud.xyz[order])[:-1] + 1 != memory_order(cloud.xyz[order])[1:]).mean() > 0.5
     lines = np.stack(np.meshgrid(np.arange(40), np.arange(50), [0.0]), -1).reshape(-1, 3)
     np.testing.assert_array_equal(memory_order(lines), np.arange(2000))  # as a scanner writes them
-    once, again = (prepare_scene(each, AdaptedPFH(radius=0.8), RegionGrowing()) for each in (cloud, cloud.select(order)))
+    once, again = (
+        prepare_scene(each, AdaptedPFH(radius=0.8), RegionGrowing()) for each in (cloud, cloud.select(order))
+    )
     np.testing.assert_array_equal(again.cloud.normals, once.cloud.normals[order])
     both = np.unique(np.stack([again.regions.labels, once.regions.labels[order]]), axis=1)
     assert both.shape[1] == len(np.unique(both[0])) == len(np.unique(both[1]))

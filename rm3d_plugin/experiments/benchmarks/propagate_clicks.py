@@ -26,7 +26,13 @@ from rm3d_plugin.datasets.synthetic.rooms import make_room
 from rm3d_plugin.evaluation.realism import ROOM_POINTS
 from rm3d_plugin.experiments.benchmarks.measure import machine
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
-from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
+from rm3d_plugin.pseudo_labels.propagation.scores import (
+    BUDGETS,
+    draw_clicks,
+    painted,
+    propagation_scores,
+    unlabelled_miou,
+)
 from rm3d_plugin.structures import PointCloud
 
 NAME = 'propagate-clicks'
@@ -68,6 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the benchmark."""
     add_scan_arguments(parser)
     parser.add_argument('--no-walker', action='store_true', help='leave the plain random walker out (it is slow)')
+    parser.add_argument('--stroke', type=float, default=0.0, help='metres around a click that it paints; default 0')
     parser.set_defaults(repeats=1)
 
 
@@ -75,7 +82,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """A line a scan and budget on the way; then means by budget and seed."""
     rows: dict[str, list[list[float]]] = {}
     for scan in scans_asked(args):
-        for budget, row in rows_of(scan, args.seeds, not args.no_walker):
+        for budget, row in rows_of(scan, args.seeds, not args.no_walker, args.stroke):
             rows.setdefault(budget, []).append(row)
     return {budget: summary(each) for budget, each in rows.items()} | {'machine': machine()}
 
@@ -135,7 +142,7 @@ def walked(weights: scipy.sparse.csr_array, clicked: np.ndarray, classes: np.nda
     return np.asarray(present[shares.argmax(axis=1)])
 
 
-def rows_of(scan: Scan, seeds: list[int], walker: bool) -> Iterator[tuple[str, list[float]]]:
+def rows_of(scan: Scan, seeds: list[int], walker: bool, stroke: float = 0.0) -> Iterator[tuple[str, list[float]]]:
     """Budget and nearest, place and colour, walker, ours, estimate, low, high, seconds, seconds of the preparation."""
     began = time.perf_counter()
     scene = prepare_cloud(scan.cloud)
@@ -144,6 +151,7 @@ def rows_of(scan: Scan, seeds: list[int], walker: bool) -> Iterator[tuple[str, l
     for seed in seeds:
         for budget in BUDGETS:
             clicked = draw_clicks(scan.semantic, budget, np.random.default_rng(seed))
+            clicked = painted(scan.cloud.xyz, scan.semantic, clicked, stroke)
             score = propagation_scores(scene, scan.semantic, clicked)
             floor = np.nan
             if weights is not None:

@@ -58,8 +58,7 @@ def check_labels(
     """
     present, labels = labels_of(scene, annotated, num_classes, beside)
     graphs, folds = coarse_graphs(scene, labels.points, rules.left_out_nodes), max(rules.folds, 2)
-    xyz = scene.cloud.xyz[labels.points].astype(np.float64)
-    part = label_folds(xyz, labels.classes, scene.spacing, folds, np.random.default_rng(rules.seed))
+    part = label_folds(labels, folds, np.random.default_rng(rules.seed))
     alone = part < 0
     part[alone] = np.arange(np.count_nonzero(alone)) % folds
     shares, found = np.zeros((len(part), num_classes)), np.zeros(num_classes)

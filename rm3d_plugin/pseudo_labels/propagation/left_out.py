@@ -40,9 +40,7 @@ def leave_labels_out(
     Returns:
         None where too few labels can be left out (:attr:`WalkerRules.least_left_out`).
     """
-    xyz = scene.cloud.xyz[labels.points].astype(np.float64)
-    generator = np.random.default_rng(rules.seed)
-    part = label_folds(xyz, labels.classes, scene.spacing, max(rules.folds, 2), generator)
+    part = label_folds(labels, max(rules.folds, 2), np.random.default_rng(rules.seed))
     rows = np.flatnonzero(part >= 0)
     if rules.folds < 2 or len(rows) < rules.least_left_out:
         return None

@@ -15,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import evenly_chosen, normalised
 from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels, places_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import prior_shift
 from rm3d_plugin.pseudo_labels.propagation.rules import WalkerRules
@@ -70,10 +70,11 @@ class LivePropagation:
         if not len(points):
             return LiveAnswer(np.zeros((count, num_classes), np.float32), np.zeros(count, np.float32))
         present, own = np.unique(classes, return_inverse=True)
-        labels = Labels(points, own, len(present), self.scene.features[:0], np.zeros(0, np.int64))
+        places = places_of(self.scene.cloud.xyz[points], own, self.scene.spacing)
+        labels = Labels(points, own, len(present), places, self.scene.features[:0], np.zeros(0, np.int64))
         likely = class_shares(self._coarse_scales, labels, self._rules.examples)
         few = evenly_chosen(own, PINNED)
-        said = [graph.spread(likely, points[few], own[few], self._rules) for graph in self._graphs]
+        said = [graph.spread(likely, points[few], own[few], labels.counts, self._rules) for graph in self._graphs]
         shares = np.zeros((count, num_classes), np.float32)
         shares[:, present] = sum(said) / len(said)
         shares[points] = np.eye(num_classes, dtype=np.float32)[classes]
@@ -108,6 +109,7 @@ class _Graph:
         likely: Float[np.ndarray, 'points classes'],
         points: Int[np.ndarray, ' labelled'],
         classes: Int[np.ndarray, ' labelled'],
+        counts: Int[np.ndarray, ' classes'],
         rules: WalkerRules,
     ) -> Float[np.ndarray, 'points classes']:
         """Rows of sum 1; float32."""
@@ -120,9 +122,8 @@ class _Graph:
         nearby = columns[pinned]
         factor = cho_factor(nearby + JITTER * nearby.max() * np.eye(len(pinned)))
         shares = self._pinned(prior, target, pinned, columns, factor)
-        labels = np.bincount(classes, minlength=count)
-        if labels.max() > 1:
-            factors = prior_shift(shares.argmax(axis=1), sizes, np.maximum(labels, 1), rules.prior_half)
+        if counts.max() > 1:
+            factors = prior_shift(shares.argmax(axis=1), sizes, counts, rules.prior_half)
             shares = self._pinned(normalised(prior * factors), target, pinned, columns, factor)
         return normalised(np.maximum(shares, 0.0)).astype(np.float32)[self._node]
 

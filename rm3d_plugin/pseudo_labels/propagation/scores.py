@@ -4,7 +4,8 @@ import time
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
 
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
@@ -80,6 +81,31 @@ def draw_clicks(
         return first
     others = generator.permutation(np.setdiff1d(np.flatnonzero(semantic >= 0), first))
     return np.concatenate([first, others])[:TWENTY]
+
+
+def painted(
+    xyz: Float[np.ndarray, 'points 3'],
+    semantic: Int[np.ndarray, ' points'],
+    clicked: Int[np.ndarray, ' clicked'],
+    radius: float,
+) -> Int[np.ndarray, ' painted']:
+    """Points of strokes: those of the class of a click within some distance of it.
+
+    Args:
+        xyz: Metres.
+        semantic: True class of each point, -1 = unknown.
+        clicked: Points in the middle of the strokes.
+        radius: Metres; 0: the clicks themselves.
+
+    >>> row = np.array([[0.0, 0, 0], [0.4, 0, 0], [0.5, 0, 0], [3, 0, 0]])
+    >>> painted(row, np.array([1, 1, 0, 1]), np.array([0]), 1.0)
+    array([0, 1])
+    """
+    if not radius > 0:
+        return clicked
+    near = cKDTree(xyz).query_ball_point(xyz[clicked], radius)
+    own = [np.array(rows)[semantic[rows] == semantic[click]] for rows, click in zip(near, clicked, strict=True)]
+    return np.unique(np.concatenate([clicked, *own]))
 
 
 def unlabelled_miou(

@@ -125,8 +125,7 @@ def at_points(graphs: list[CoarseGraph], found: list[Solution]) -> Float[np.ndar
 
 def trust_of(labels: Labels, rules: WalkerRules) -> float:
     """How far the labels are to be trusted to tell of classes as a whole."""
-    counts = np.bincount(labels.classes)
-    return label_trust(counts[counts > 0], rules.prior_half)
+    return label_trust(labels.counts[labels.counts > 0], rules.prior_half)
 
 
 def walks(
@@ -158,7 +157,7 @@ def _walk(
     own = Pull(np.full(len(sizes), strength * graph.usual_degree), likely)
     pull = own.joined(network)
     system = HarmonicSystem(graph.coarse.weights, nodes, pull.strength * sizes)
-    given, counts = np.eye(count)[labels.classes], np.bincount(labels.classes, minlength=count)
+    given, counts = np.eye(count)[labels.classes], labels.counts
     shares = system.shares(given, pull.prior)
     for _ in range(rules.prior_rounds if strength > 0 and counts.max(initial=0) > 1 else 0):
         factors = prior_shift(shares.argmax(axis=1), sizes, np.maximum(counts, 1), rules.prior_half)

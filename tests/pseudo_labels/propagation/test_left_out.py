@@ -3,12 +3,15 @@ import pytest
 
 from rm3d_plugin.pseudo_labels.propagation.choose import choose
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels, places_of
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import label_trust, prior_shift
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT
 
 
 def folds(xyz, classes, count=5):
-    return label_folds(np.asarray(xyz, float), np.asarray(classes), 0.1, count, np.random.default_rng(0))
+    xyz, classes = np.asarray(xyz, float), np.asarray(classes)
+    labels = Labels(np.arange(len(xyz)), classes, 9, places_of(xyz, classes, 0.1), xyz[:0], classes[:0])
+    return label_folds(labels, count, np.random.default_rng(0))
 
 
 def test_each_class_is_dealt_out_evenly():
@@ -23,6 +26,16 @@ def test_labels_in_one_place_are_left_out_together_and_a_single_place_never():
     part = folds(xyz, [0, 0, 0, 1, 1])
     assert part[0] == part[1] != part[2]
     assert part[3:].tolist() == [-1, -1]
+
+
+def test_a_stroke_counts_as_one_label():
+    stroke = np.column_stack([0.08 * np.arange(40), np.zeros(40), np.zeros(40)])
+    xyz = np.concatenate([stroke, stroke[::-1] + [0, 0, 0.05], [[9, 9, 9]], [[9, 9, 9]]])
+    classes = np.repeat([1, 0, 1, 1], [40, 40, 1, 1])
+    places = places_of(xyz, classes, 0.1)
+    assert len(np.unique(places[:40])) == len(np.unique(places[40:80])) == 1 and places[80] == places[81]
+    assert Labels(np.arange(82), classes, 3, places, xyz[:0], classes[:0]).counts.tolist() == [1, 2, 0]
+    assert places_of(xyz[:0], classes[:0], 0.1).shape == (0,)
 
 
 def test_trust_grows_with_the_labels_of_the_poorest_classes():

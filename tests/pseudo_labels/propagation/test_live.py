@@ -17,7 +17,7 @@ def test_a_column_a_label_gives_what_the_walker_with_these_labels_gives():
     scene = prepare_cloud(PointCloud(xyz))
     (coarse, *_), points = coarse_graphs(scene, np.zeros(0, np.int64), 1500), few(semantic, 3)
     likely = np.random.default_rng(0).dirichlet([1, 1], len(xyz))
-    said = _Graph(coarse).spread(likely, points, semantic[points], WalkerRules(prior_half=1e9))
+    said = _Graph(coarse).spread(likely, points, semantic[points], np.array([3, 3]), WalkerRules(prior_half=1e9))
     nodes = coarse.coarse.node[points]
     prior = coarse.mean(likely)
     system = HarmonicSystem(coarse.coarse.weights, nodes, STRENGTH * coarse.usual_degree * coarse.coarse.sizes)
