@@ -104,16 +104,27 @@ def scaled_table(table: AnyTable, scale: Scale) -> AnyTable:
 
 
 def fewer_rows(table: AnyTable, scale: Scale) -> AnyTable:
-    """The table with so few parts and rows as a scale says."""
+    """The table with so few parts and rows as a scale says, and all that their runs tell besides."""
     if isinstance(table, MeasuredTable):
         return table
     if isinstance(table, Table):
         needed = {table.reference, *(row.against for row in table.rows)}
         return replace(table, rows=spread_rows(table.rows, needed, scale.rows))
-    parts = table.parts[: scale.parts]
-    return replace(
-        table, parts=tuple(replace(part, rows=spread_rows(part.rows, {part.base}, scale.rows)) for part in parts)
-    )
+    chosen = [
+        replace(part, rows=spread_rows(part.rows, {part.base}, scale.rows)) for part in table.parts[: scale.parts]
+    ]
+    made = {_run_of(row) for part in chosen for row in part.rows}
+    told = [
+        replace(part, rows=tuple(row for row in part.rows if _run_of(row) in made))
+        for part in table.parts[len(chosen) :]
+        if any(row.name == part.base and _run_of(row) in made for row in part.rows)
+    ]
+    return replace(table, parts=(*chosen, *(part for part in told if len(part.rows) > 1)))
+
+
+def _run_of(row: Row) -> tuple[Path, str]:
+    """What a row trains and tests, of any seed."""
+    return run_folder(Path(), row, 0), '' if row.test is None else str(option_texts(row.test))
 
 
 def scaled_request(request: Request, scale: Scale) -> Request:

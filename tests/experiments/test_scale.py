@@ -98,8 +98,11 @@ def test_fewer_rows_keep_what_differences_are_told_to():
     table = Table('T', (*rows[:2], against, *rows[3:]), {'mIoU': 'mIoU'}, reference='8')
     small = fewer_rows(table, Scale(rows=3))
     assert [row.name for row in small.rows] == ['0', '5', '8']
-    told = scaled_table(PaperTable('T', (Part('P', rows, ('mIoU',), '6'),) * 2), Scale(1.0, 1.0, 1, 1, 3))
-    assert len(told.parts) == 1 and [row.name for row in told.rows] == ['0', '6', '8']
+    first, others = Part('P', rows, ('mIoU',), '6'), tuple(replace(row, options={'seed': 1}) for row in rows)
+    table = PaperTable('T', (first, replace(first, rows=others), replace(first, title='free', score=('IoU',))))
+    told = scaled_table(table, Scale(1.0, 1.0, 1, 1, 3))
+    assert [part.title for part in told.parts] == ['P', 'free']  # the same runs tell both
+    assert [row.name for row in told.rows] == ['0', '6', '8'] * 2
     assert told.notes[0].endswith('1 of the scenes, 1 of the epochs, 1 seeds, 1 parts of a table, 3 rows of a part.')
 
 
