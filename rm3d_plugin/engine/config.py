@@ -32,6 +32,12 @@ from rm3d_plugin.engine.config_pages import anchor_paths, check_names, pages
 from rm3d_plugin.engine.renamed_options import HINTS, RENAMED
 
 CHOICES = {'log_level': ('DEBUG', 'INFO', 'WARNING', 'ERROR', 'CRITICAL'), 'default_scope': (PACKAGE.name,)}
+WALK, REGION_RULES = ('walker', 'random_walk'), ('propagation', 'region_prior', 'ground', 'self_training')
+UNREAD = {  # by strategy of labels for points
+    'default': ('merge', *REGION_RULES),
+    'regions': WALK,
+    'paper': (*WALK, *REGION_RULES),
+}
 WHOLE = ('batch_size', 'accumulate', 'checkpoint_interval', 'val_rounds', 'warm_up_rounds', 'label_refreshes')
 
 
@@ -78,6 +84,7 @@ def load_config(
         if key in resolved:
             _count(resolved, key)
     _check_choices(resolved)
+    _check_read(resolved, options or {})
     _check_restarts(resolved)
     _import_custom_modules(resolved)
     return resolved
@@ -206,6 +213,17 @@ def _check_choices(config: Config) -> None:
     for key, choices in CHOICES.items():
         if key in config and config[key] not in choices:
             raise ConfigError(f'{key}: expected {" or ".join(choices)}, got {config[key]!r}')
+
+
+def _check_read(config: Config, options: Mapping[str, Any]) -> None:
+    """Whether the strategy of labels for points reads the rules that options change."""
+    maker, strategy = config.get('label_maker') or {}, config.get('strategy')
+    if maker.get('type') != 'point_label_maker' or not maker.get('propagate', True) or strategy not in UNREAD:
+        return
+    unread = [key for key in options if key.split('.')[0] in UNREAD[strategy] and key != 'merge.rounds']
+    if unread:
+        others = ' or '.join(f'strategy={name}' for name in UNREAD if unread[0].split('.')[0] not in UNREAD[name])
+        raise ConfigError(f'{", ".join(unread)}: not read with strategy={strategy}; add {others}, or leave it out')
 
 
 def _check_restarts(config: Config) -> None:

@@ -283,6 +283,20 @@ def test_reading_leaves_mmengine_as_it_was(leaf):
     assert (Config._get_cfg_path, Config._merge_a_into_b) == before
 
 
+@pytest.mark.parametrize(('options', 'said'), [
+    ({'merge.without': ['color']}, 'not read with strategy=default; add strategy=regions or strategy=paper'),
+    ({'strategy': 'regions', 'walker.accept': 0.7}, 'not read with strategy=regions; add strategy=default'),
+    ({'strategy': 'paper', 'ground.min_upright': 1}, 'not read with strategy=paper; add strategy=regions, or leave'),
+])  # fmt: skip
+def test_options_that_the_strategy_does_not_read_are_refused(options, said):
+    with pytest.raises(ConfigError, match=said):
+        load_config('rm3d_plugin::rm3d_sem_semantickitti_0p2pct.py', demo=True, options=options)
+    read = {'merge.rounds': 3, 'walker.accept': 0.7, 'descriptor.type': 'FPFH'}
+    assert load_config('rm3d_plugin::rm3d_sem_scannet_0p2pct.py', options=read).label_maker.walker.accept == 0.7
+    load_config('rm3d_plugin::rm3d_votenet_kitti_1pct.py', options={'merge.without': ['color']})  # boxes: always read
+    load_config('rm3d_plugin::sup_sem_scannet_0p2pct.py', options={'merge.without': ['color']})  # no labels are made
+
+
 def test_custom_imports_of_the_command_line_are_imported(tmp_path, monkeypatch):
     (tmp_path / 'my_package_of_parts.py').write_text('')
     monkeypatch.syspath_prepend(tmp_path)
