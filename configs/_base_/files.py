@@ -56,9 +56,8 @@ oversegmenter = dict(rest=dict(min_region=40))
 propagation = dict(max_extent=None)
 region_prior = dict(gamma=0.75)
 ground = None
-walker = (
-    dict()
-)  # labels spread by a random walk: walker.accept=.7 for purer ones; None: regions merge by the rules above
+walker = dict()  # labels spread by a random walk: walker.accept=.7 for purer ones
+# strategy=regions: regions merge by the rules above
 random_walk = dict()
 label_maker = dict(walker='${walker}', random_walk='${random_walk}')
 # Two refreshes of the labels; that in the middle of the second period does not disturb it.

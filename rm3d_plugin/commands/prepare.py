@@ -1,4 +1,4 @@
-"""Make the regions and first labels of every training scene, so that training starts at once."""
+"""Make the regions of every training scene beforehand, where regions merge; nothing for the random walk."""
 
 import argparse
 from collections.abc import Sequence
