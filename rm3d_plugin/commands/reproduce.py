@@ -54,7 +54,7 @@ def _parser() -> argparse.ArgumentParser:
     training.add_argument(
         '--budget-minutes',
         type=whole(),
-        help='make demos so much smaller (scenes, epochs, parts, seeds, then rows) that all ends in about so many minutes',
+        help='make demos smaller (scenes, epochs, parts, seeds, then rows), to end in about so many minutes',
     )
     measured = parser.add_argument_group('tables that measure scenes')
     measured.add_argument('--scenes', type=whole(), default=2, help='scenes of each kind; default 2')
