@@ -58,13 +58,14 @@ region_prior = dict(gamma=0.75)
 ground = None
 walker = dict()  # labels spread by a random walk: walker.accept=.7 for purer ones
 # strategy=regions: regions merge by the rules above
-random_walk = dict()
+random_walk = dict(network_errors_apart=2.0)  # a network that learnt the labels for long says little beside them
 label_maker = dict(walker='${walker}', random_walk='${random_walk}')
-# Two refreshes of the labels; that in the middle of the second period does not disturb it.
+# Two refreshes of the labels; that in the middle of the second period does not disturb it. A step is a scan: a single scan
+# needs 80 epochs a round for the network to know what its labels say; folders of many scans do with fewer.
 rounds = 3
-sigma = 20
+sigma = 80
 param_scheduler = '${restart_schedule}'
-periods = [20, 40]
+periods = [80, 160]
 restart_weights = [1, 0.8]
 batch_size = 1
 learning_rate = 1e-2
