@@ -91,6 +91,9 @@ def _parser() -> argparse.ArgumentParser:
         help="of the checkpoint's own run, for scans that it learnt from: points with a label there keep it",
     )
     points.add_argument(
-        '--fill', choices=['network', 'nearest'], help='with --labels: what names the other points; default nearest'
+        '--fill',
+        choices=['network', 'nearest', 'likeliest'],
+        help='with --labels: what names the other points; default: the class that the random walk finds likeliest, '
+        'with merged regions the nearest label',
     )
     return parser

@@ -28,7 +28,7 @@ class UnlabelledSemSegMetric(SemSegMetric):
     Args:
         label_store: Folder of the run's label store, which tells the annotated points of each scene.
         keep_labels: True scores what the run says of its own scene: points with a label in the current round have that
-            label, the network says only what the others are.
+            label; what the others are the labels say where they name a likeliest class, else the network.
         settings: Arguments of :class:`SemSegMetric`.
     """
 
@@ -54,7 +54,7 @@ class UnlabelledSemSegMetric(SemSegMetric):
             semantic = np.where(labels.point_is_annotated[whole], UNLABELLED, truth.semantic)
             said = truth.scatter(rows, -1)
             if self.keep_labels:
-                known = labels.semantic[whole]
-                said = np.where(known >= 0, known, said)
+                for known in (labels.likeliest, labels.semantic):
+                    said = said if known is None else np.where(known[whole] >= 0, known[whole], said)
             ignored = ignored_values(self.ignored, self.dataset_meta)
             self.results.append(confusion_counts(said, semantic, count, ignored))

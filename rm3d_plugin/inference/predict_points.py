@@ -33,7 +33,7 @@ MAX_POINTS = 1_000_000  # scans with more are predicted in chunks, where neither
 OUTLIERS = 0.005  # share of the points whose intensity may be clipped without a word: mirrors in the sun
 NEUTRAL = 0.5  # what the network reads as no colour and no intensity
 Range = tuple[float, float]
-Fill = Literal['network', 'nearest']
+Fill = Literal['network', 'nearest', 'likeliest']
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class PointOptions:
         nan_points: What becomes of points without a finite place, see :func:`rm3d_plugin.storage.scans.read_scan`.
         labels: Label store of the run: points of its own scans that have a label there keep it. Scans are found by
             name.
-        fill: What names the other points of these scans: the network, or the nearest point with a label. None: the
-            nearest, which is about a point of mIoU better on single real scans (docs/RESULTS.md).
+        fill: What names the other points of these scans: the network, the nearest point with a label, or what made the
+            labels, by the class that it found likeliest. None: the last where the labels have it, else the nearest.
         paint: See :class:`rm3d_plugin.inference.predict_formats.ScanFile`, as the next.
         classify: Of LAS.
     """
@@ -180,7 +180,7 @@ class Segmenter:
         if self.options.labels is not None:
             own = own_labels(self.options.labels, Path(name).stem, kept)
             if own is not None:
-                semantic, confidence = keep_labels(probs, cloud.xyz[thin.kept], own, self.options.fill or 'nearest')
+                semantic, confidence = keep_labels(probs, cloud.xyz[thin.kept], own, self.options.fill)
         semantic = np.where(confidence < self.options.unknown_below, -1, semantic)
         semantic = np.where(thin.stray, -1, semantic[thin.rows])
         return ScanPrediction(semantic, np.where(thin.stray, 0, confidence[thin.rows]), found)
@@ -248,7 +248,7 @@ def own_labels(labels: Path, scene: str, points: int) -> PseudoLabels | None:
 
 
 def keep_labels(
-    probs: Float[np.ndarray, 'points classes'], xyz: Float[np.ndarray, 'points 3'], own: PseudoLabels, fill: Fill
+    probs: Float[np.ndarray, 'points classes'], xyz: Float[np.ndarray, 'points 3'], own: PseudoLabels, fill: Fill | None
 ) -> tuple[Int[np.ndarray, ' points'], Float[np.ndarray, ' points']]:
     """Class and confidence of each point: those of its label, the others filled.
 
@@ -256,11 +256,18 @@ def keep_labels(
         probs: What the network says.
         xyz: Metres.
         own: Labels that a run has of the points.
-        fill: What names the points without a label; how sure that is, the network says in both cases.
+        fill: What names the points without a label, see :class:`PointOptions`; how sure that is, the network says.
+
+    Raises:
+        SceneError: ``fill`` asks for what the labels do not have.
     """
     known = own.semantic >= 0
     said = predicted_classes(probs)
-    if fill == 'nearest' and known.any():
+    if fill == 'likeliest' and own.likeliest is None:
+        raise SceneError('fill=likeliest: these labels do not tell it (merged regions do not): nearest or network')
+    if fill in ('likeliest', None) and own.likeliest is not None:
+        said = np.where(own.likeliest >= 0, own.likeliest, said)
+    elif fill != 'network' and known.any():
         said = nearest_label(xyz, np.flatnonzero(known), own.semantic[known])
     semantic = np.where(known, own.semantic, said)
     sure = np.take_along_axis(probs, np.maximum(semantic, 0)[:, None], axis=1)[:, 0]

@@ -165,6 +165,7 @@ class WalkerLabelMaker(LabelMaker):
             confidence=np.where(sure, found.confidence, 0.0).astype(np.float32),
             boxes=Boxes3D.empty(),
             box_is_annotated=np.zeros(0, dtype=bool),
+            likeliest=found.semantic,
         )
         return SceneLabels(labels)
 

@@ -296,6 +296,8 @@ def _check_format(arrays: Mapping[str, np.ndarray], path: Path) -> None:
 
 def _to_arrays(labels: PseudoLabels) -> dict[str, np.ndarray]:
     arrays = {name: np.asarray(getattr(labels, name)) for name in _ARRAYS}
+    if labels.likeliest is not None:
+        arrays['likeliest'] = labels.likeliest
     boxes = labels.boxes
     assert boxes.scores is not None
     return {
@@ -309,8 +311,9 @@ def _to_arrays(labels: PseudoLabels) -> dict[str, np.ndarray]:
 
 
 def _from_arrays(arrays: Mapping[str, np.ndarray]) -> PseudoLabels:
-    for name, kind in _ARRAYS.items():
+    for name, kind in (_ARRAYS | {name: 'i' for name in ('likeliest',) if name in arrays}).items():
         if arrays[name].ndim != 1 or arrays[name].dtype.kind != kind:
             raise ValueError(f'{name} is {arrays[name].dtype} of shape {arrays[name].shape}')
     boxes = Boxes3D(arrays['box_tensor'], arrays['box_labels'], arrays['box_scores'])
-    return PseudoLabels(boxes=boxes, complete=bool(arrays['complete']), **{name: arrays[name] for name in _ARRAYS})
+    own, likeliest = {name: arrays[name] for name in _ARRAYS}, arrays.get('likeliest')
+    return PseudoLabels(boxes=boxes, complete=bool(arrays['complete']), likeliest=likeliest, **own)

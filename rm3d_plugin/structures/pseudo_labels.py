@@ -23,6 +23,8 @@ class PseudoLabels:
         boxes: True and pseudo boxes, true ones first.
         box_is_annotated: (M,) bool.
         complete: True where every label of the scene is known, so that what has none is background.
+        likeliest: (N,) int64 class that is likeliest, also where that is not sure enough to be a label; -1 =
+            unknown. None: what made the labels does not say.
     """
 
     semantic: Int[np.ndarray, ' points']
@@ -32,6 +34,7 @@ class PseudoLabels:
     boxes: Boxes3D
     box_is_annotated: Bool[np.ndarray, ' boxes']
     complete: bool = False
+    likeliest: Int[np.ndarray, ' points'] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.semantic)
@@ -39,6 +42,8 @@ class PseudoLabels:
             rows = len(getattr(self, name))
             if rows != n:
                 raise ValueError(f'PseudoLabels.{name}: expected {n} rows (one a point), got {rows}')
+        if self.likeliest is not None and len(self.likeliest) != n:
+            raise ValueError(f'PseudoLabels.likeliest: expected {n} rows (one a point), got {len(self.likeliest)}')
         if len(self.box_is_annotated) != len(self.boxes):
             raise ValueError(
                 f'PseudoLabels.box_is_annotated: expected {len(self.boxes)} rows, got {len(self.box_is_annotated)}'

@@ -1,5 +1,7 @@
 """Annotated points do not count."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -58,3 +60,15 @@ def test_labels_of_the_round_come_before_the_network(store):
     metric = UnlabelledSemSegMetric(store, keep_labels=True, classes=('road', 'car'))
     metric.process(None, [made])
     assert metric.evaluate(1) == got
+
+
+def test_what_labels_find_likeliest_comes_before_the_network(store):
+    labels = LabelStore(store)
+    labels.begin_round(1)
+    labels.write(1, 'a', replace(labels.read('a'), likeliest=np.array([1, 1, 1, 1, -1, 0])), None)
+    labels.finish_round(1, {})
+    labels.set_current(1)
+    got = scored(UnlabelledSemSegMetric(store, keep_labels=True, classes=('road', 'car')))
+    assert got['accuracy'] == pytest.approx(
+        50.0
+    )  # 2 and 5 have labels, 3 is likeliest a car, 4 is the network's: a car

@@ -1,6 +1,7 @@
 """Scans of every kind in, classes of points out; the networks know nothing and are compared with themselves."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -226,6 +227,13 @@ def test_points_without_a_label_are_named_by_the_nearest_label_or_the_network():
     np.testing.assert_allclose(by_nearest[1], [0.9, 0.3, 0.1, 0, 1])
     bare = PseudoLabels(nobody, nobody, annotated, 0 * confidence, Boxes3D.empty(), annotated[:0])
     assert keep_labels(probs, xyz, bare, 'nearest')[0].tolist() == [0, 1, 0, -1, 1]
+    np.testing.assert_array_equal(keep_labels(probs, xyz, own, None)[0], by_nearest[0])
+    with pytest.raises(SceneError, match='fill=likeliest: these labels do not tell it'):
+        keep_labels(probs, xyz, own, 'likeliest')
+    walked = replace(own, likeliest=np.array([1, 0, 1, 1, -1]))
+    for fill in (None, 'likeliest'):
+        assert keep_labels(probs, xyz, walked, fill)[0].tolist() == [2, 0, 1, 1, 0]
+    np.testing.assert_array_equal(keep_labels(probs, xyz, walked, 'nearest')[0], by_nearest[0])
 
 
 def test_intensity_is_read_as_in_training():

@@ -38,7 +38,8 @@ def store(tmp_path):
 @pytest.mark.parametrize('complete', [False, True])
 def test_labels_come_back_bit_for_bit(store, complete):
     given = labels(3)
-    given = PseudoLabels(**{**given.__dict__, 'complete': complete})
+    likeliest = np.arange(len(given)) if complete else None
+    given = PseudoLabels(**{**given.__dict__, 'complete': complete, 'likeliest': likeliest})
     store.begin_round(0)
     store.write(0, 'Area_1/office 2', given, {'score': np.array([0.1])})
     store.finish_round(0)
@@ -47,7 +48,8 @@ def test_labels_come_back_bit_for_bit(store, complete):
         np.testing.assert_array_equal(getattr(read, name), getattr(given, name), strict=True)
     for name in ('tensor', 'labels', 'scores'):
         np.testing.assert_array_equal(getattr(read.boxes, name), getattr(given.boxes, name), strict=True)
-    assert read.complete is complete
+    assert read.complete is complete and (read.likeliest is None) != complete
+    np.testing.assert_array_equal(read.likeliest, likeliest)
     assert store.read_ledger('Area_1/office 2', round=0)['score'].tolist() == [0.1]
     assert store.scenes(0) == {'Area_1/office 2': (4, 1)}
 
