@@ -63,6 +63,7 @@ class AdaptedPFH(Descriptor):
     """
 
     presets = PRESETS
+    any_order = True
 
     def __init__(
         self,

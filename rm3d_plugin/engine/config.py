@@ -217,8 +217,10 @@ def _check_choices(config: Config) -> None:
 
 def _check_read(config: Config, options: Mapping[str, Any]) -> None:
     """Whether the strategy of labels for points reads the rules that options change."""
-    maker, strategy = config.get('label_maker') or {}, config.get('strategy')
-    if maker.get('type') != 'point_label_maker' or not maker.get('propagate', True) or strategy not in UNREAD:
+    maker = config.get('label_maker') or {}
+    strategy = maker.get('strategy', 'default')
+    spreads = maker.get('type') == 'point_label_maker' and maker.get('propagate', True) and not maker.get('predicted')
+    if not spreads or strategy not in UNREAD:
         return
     unread = [key for key in options if key.split('.')[0] in UNREAD[strategy] and key != 'merge.rounds']
     if unread:

@@ -101,8 +101,9 @@ class PseudoLabelMetric(RecordedMetric):
 
 def points_of(labels: PseudoLabels, index: Int[np.ndarray, ' kept']) -> PseudoLabels:
     """The labels of some points, with all boxes."""
-    names = ('semantic', 'instance', 'point_is_annotated', 'confidence')
-    return replace(labels, **{name: getattr(labels, name)[index] for name in names})
+    names = ('semantic', 'instance', 'point_is_annotated', 'confidence', 'likeliest')
+    own = {name: rows[index] for name in names if (rows := getattr(labels, name)) is not None}
+    return replace(labels, **own)
 
 
 def _coordinates(batch: Any, fields: Mapping[str, Any], row: int) -> np.ndarray | None:

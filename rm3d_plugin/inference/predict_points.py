@@ -264,7 +264,9 @@ def keep_labels(
     known = own.semantic >= 0
     said = predicted_classes(probs)
     if fill == 'likeliest' and own.likeliest is None:
-        raise SceneError('fill=likeliest: these labels do not tell it (merged regions do not): nearest or network')
+        raise SceneError(
+            'fill=likeliest: these labels do not tell it, as those of merged regions or older versions: take nearest'
+        )
     if fill in ('likeliest', None) and own.likeliest is not None:
         said = np.where(own.likeliest >= 0, own.likeliest, said)
     elif fill != 'network' and known.any():

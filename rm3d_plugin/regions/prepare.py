@@ -104,7 +104,8 @@ def prepare_scene(
     """
     cloud = _usable_channels(cloud, name)
     kept = np.flatnonzero(~oversegmenter.find_ground(cloud))
-    kept = kept[memory_order(cloud.xyz[kept])]
+    if descriptor.any_order and oversegmenter.any_order:
+        kept = kept[memory_order(cloud.xyz[kept])]
     rest = cloud.select(kept)
     with sharing_octree(rest.xyz):
         rest = with_normals(rest)

@@ -26,6 +26,7 @@ from rm3d_plugin.structures import Boxes3D, PseudoLabels, SceneError
 
 FORMAT = 2  # of a scene's file; raise it when names or meanings change, so that older files are refused
 _ARRAYS = {'semantic': 'i', 'instance': 'i', 'point_is_annotated': 'b', 'confidence': 'f', 'box_is_annotated': 'b'}
+_OPTIONAL = {'likeliest': 'i'}
 
 
 class LabelStoreError(SceneError):
@@ -296,8 +297,7 @@ def _check_format(arrays: Mapping[str, np.ndarray], path: Path) -> None:
 
 def _to_arrays(labels: PseudoLabels) -> dict[str, np.ndarray]:
     arrays = {name: np.asarray(getattr(labels, name)) for name in _ARRAYS}
-    if labels.likeliest is not None:
-        arrays['likeliest'] = labels.likeliest
+    arrays |= {name: rows for name in _OPTIONAL if (rows := getattr(labels, name)) is not None}
     boxes = labels.boxes
     assert boxes.scores is not None
     return {
@@ -311,9 +311,9 @@ def _to_arrays(labels: PseudoLabels) -> dict[str, np.ndarray]:
 
 
 def _from_arrays(arrays: Mapping[str, np.ndarray]) -> PseudoLabels:
-    for name, kind in (_ARRAYS | {name: 'i' for name in ('likeliest',) if name in arrays}).items():
+    own = _ARRAYS | {name: kind for name, kind in _OPTIONAL.items() if name in arrays}
+    for name, kind in own.items():
         if arrays[name].ndim != 1 or arrays[name].dtype.kind != kind:
             raise ValueError(f'{name} is {arrays[name].dtype} of shape {arrays[name].shape}')
     boxes = Boxes3D(arrays['box_tensor'], arrays['box_labels'], arrays['box_scores'])
-    own, likeliest = {name: arrays[name] for name in _ARRAYS}, arrays.get('likeliest')
-    return PseudoLabels(boxes=boxes, complete=bool(arrays['complete']), likeliest=likeliest, **own)
+    return PseudoLabels(boxes=boxes, complete=bool(arrays['complete']), **{name: arrays[name] for name in own})

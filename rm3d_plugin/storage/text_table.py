@@ -85,8 +85,12 @@ def parse_table(text: bytes, columns: int | None = None, separator: str = '') ->
 def _read_slowly(text: bytes, spans: np.ndarray, out: np.ndarray) -> None:
     for begin, end, row, column in spans.tolist():
         try:
-            out[row, column] = float(_FORTRAN.sub(rb'\1e\2', text[begin:end]))
+            out[row, column] = float(text[begin:end])
         except ValueError:
+            changed = _FORTRAN.sub(rb'\1e\2', text[begin:end])
+            if changed != text[begin:end]:
+                out[row, column] = float(changed)
+                continue
             word = text[begin:end].decode('ascii', errors='backslashreplace')
             raise _bad_line(text, begin, f'{word!r} is not a number') from None
 

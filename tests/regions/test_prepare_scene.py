@@ -121,6 +121,14 @@ def test_points_in_any_order_make_the_same_scene():
     assert both.shape[1] == len(np.unique(both[0])) == len(np.unique(both[1]))
 
 
+def test_given_regions_stay_with_their_points_however_these_lie_in_memory():
+    xyz = np.random.default_rng(1).uniform(0, 10, (1000, 3)) * [1, 1, 0.001]
+    given = (xyz[:, 0] > 5).astype(np.int64)
+    assert (memory_order(xyz) != np.arange(1000)).any()
+    scene = prepare_scene(PointCloud(xyz), Height(), Precomputed(labels=given))
+    np.testing.assert_array_equal(scene.regions.labels, given != given[0])  # numbered as they come
+
+
 def test_same_result_twice_and_for_any_number_of_threads(monkeypatch):
     cloud = PointCloud(make_room(density=300.0)[0])
     scenes = []

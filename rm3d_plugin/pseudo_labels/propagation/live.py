@@ -74,7 +74,7 @@ class LivePropagation:
         labels = Labels(points, own, len(present), places, self.scene.features[:0], np.zeros(0, np.int64))
         likely = class_shares(self._coarse_scales, labels, self._rules.examples)
         few = evenly_chosen(own, PINNED)
-        said = [graph.spread(likely, points[few], own[few], labels.counts, self._rules) for graph in self._graphs]
+        said = [graph.spread(likely, points[few], own[few], labels, self._rules) for graph in self._graphs]
         shares = np.zeros((count, num_classes), np.float32)
         shares[:, present] = sum(said) / len(said)
         shares[points] = np.eye(num_classes, dtype=np.float32)[classes]
@@ -109,7 +109,7 @@ class _Graph:
         likely: Float[np.ndarray, 'points classes'],
         points: Int[np.ndarray, ' labelled'],
         classes: Int[np.ndarray, ' labelled'],
-        counts: Int[np.ndarray, ' classes'],
+        labels: Labels,
         rules: WalkerRules,
     ) -> Float[np.ndarray, 'points classes']:
         """Rows of sum 1; float32."""
@@ -122,8 +122,8 @@ class _Graph:
         nearby = columns[pinned]
         factor = cho_factor(nearby + JITTER * nearby.max() * np.eye(len(pinned)))
         shares = self._pinned(prior, target, pinned, columns, factor)
-        if counts.max() > 1:
-            factors = prior_shift(shares.argmax(axis=1), sizes, counts, rules.prior_half)
+        if labels.counts.max() > 1:
+            factors = prior_shift(shares.argmax(axis=1), sizes, labels.counts, rules.prior_half, labels.number)
             shares = self._pinned(normalised(prior * factors), target, pinned, columns, factor)
         return normalised(np.maximum(shares, 0.0)).astype(np.float32)[self._node]
 

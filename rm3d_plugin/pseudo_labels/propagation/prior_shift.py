@@ -7,7 +7,11 @@ TRUST = 50.0  # labels that the solution's frequencies count against one pseudo 
 
 
 def prior_shift(
-    said: Int[np.ndarray, ' nodes'], sizes: Int[np.ndarray, ' nodes'], counts: Int[np.ndarray, ' classes'], half: float
+    said: Int[np.ndarray, ' nodes'],
+    sizes: Int[np.ndarray, ' nodes'],
+    counts: Int[np.ndarray, ' classes'],
+    half: float,
+    number: Int[np.ndarray, ' classes'] | None = None,
 ) -> Float[np.ndarray, ' classes']:
     """Factors that turn shares by labels as they were given into shares by classes as they are.
 
@@ -19,19 +23,24 @@ def prior_shift(
     Args:
         said: Class of each node in a solution.
         sizes: Points of each node.
-        counts: Labels of each class, at least one.
+        counts: Labels of each class, those of one place once; at least one.
         half: See :func:`label_trust`.
+        number: Labels of each class, each once; None: as many. Strokes have far more labels than places, dense chance
+            draws fall together into few places: the count that is nearer to the solution is taken.
 
     >>> prior_shift(np.array([0, 0, 0, 1]), np.ones(4, int), np.array([1, 1]), 3.0)
     array([1., 1.])
     >>> prior_shift(np.array([0, 0, 0, 1]), np.ones(4, int), np.array([30, 10]), 3.0).round(1)
     array([1., 1.])
     """
-    total, number = counts.sum(), len(counts)
-    given = (counts + 1) / (total + number)
-    found = np.bincount(said, sizes, number) / max(float(sizes.sum()), 1.0)
-    found = (found * total * TRUST + given) / (total * TRUST + 1)
-    return np.asarray((found / given) ** label_trust(counts, half))
+    share = np.bincount(said, sizes, len(counts)) / max(float(sizes.sum()), 1.0)
+    factors, apart = [], []
+    for each in (counts,) if number is None else (counts, number):
+        given = (each + 1) / (each.sum() + len(each))
+        found = (share * each.sum() * TRUST + given) / (each.sum() * TRUST + 1)
+        factors.append(found / given)
+        apart.append(float(found @ np.log(found / given)))
+    return np.asarray(factors[int(np.argmin(apart))] ** label_trust(counts, half))
 
 
 def label_trust(counts: Int[np.ndarray, ' classes'], half: float) -> float:

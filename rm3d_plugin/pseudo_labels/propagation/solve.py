@@ -157,10 +157,12 @@ def _walk(
     own = Pull(np.full(len(sizes), strength * graph.usual_degree), likely)
     pull = own.joined(network)
     system = HarmonicSystem(graph.coarse.weights, nodes, pull.strength * sizes)
-    given, counts = np.eye(count)[labels.classes], labels.counts
+    given, counts, number = np.eye(count)[labels.classes], labels.counts, labels.number
     shares = system.shares(given, pull.prior)
     for _ in range(rules.prior_rounds if strength > 0 and counts.max(initial=0) > 1 else 0):
-        factors = prior_shift(shares.argmax(axis=1), sizes, np.maximum(counts, 1), rules.prior_half)
+        factors = prior_shift(
+            shares.argmax(axis=1), sizes, np.maximum(counts, 1), rules.prior_half, np.maximum(number, 1)
+        )
         pull = own._replace(prior=normalised(likely * factors)).joined(network)
         shares = system.shares(given, pull.prior)
     return Solution(normalised(np.maximum(shares, 0.0)), pull)

@@ -53,6 +53,14 @@ def test_a_prior_shift_follows_what_is_frequent_where_labels_are_even():
     assert drawn[0] / drawn[1] == pytest.approx(1.0, rel=0.1)
 
 
+def test_of_labels_and_places_the_count_rules_that_the_solution_contradicts_less():
+    said, sizes, places = np.repeat([0, 1], [90, 10]), np.ones(100, int), np.array([20, 20])
+    dense = prior_shift(said, sizes, places, 3.0, np.array([900, 100]))  # a chance draw that fell together
+    assert dense[0] / dense[1] == pytest.approx(1.0, rel=0.1)
+    strokes = prior_shift(said, sizes, places, 3.0, np.array([20, 9000]))  # a stroke on the rare class
+    np.testing.assert_allclose(strokes, prior_shift(said, sizes, places, 3.0))
+
+
 def test_the_default_is_left_only_for_one_that_is_clearly_ahead():
     rng = np.random.default_rng(0)
     classes = rng.integers(0, 4, 200)

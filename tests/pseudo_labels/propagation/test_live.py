@@ -6,6 +6,7 @@ from reference.corner_scan import corner, few
 
 from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.harmonic import HarmonicSystem
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.live import STRENGTH, LivePropagation, _Graph
 from rm3d_plugin.pseudo_labels.propagation.rules import WalkerRules
 from rm3d_plugin.pseudo_labels.propagation.solve import coarse_graphs
@@ -17,7 +18,8 @@ def test_a_column_a_label_gives_what_the_walker_with_these_labels_gives():
     scene = prepare_cloud(PointCloud(xyz))
     (coarse, *_), points = coarse_graphs(scene, np.zeros(0, np.int64), 1500), few(semantic, 3)
     likely = np.random.default_rng(0).dirichlet([1, 1], len(xyz))
-    said = _Graph(coarse).spread(likely, points, semantic[points], np.array([3, 3]), WalkerRules(prior_half=1e9))
+    labels = Labels(points, semantic[points], 2, np.arange(len(points)), scene.features[:0], points[:0])
+    said = _Graph(coarse).spread(likely, points, semantic[points], labels, WalkerRules(prior_half=1e9))
     nodes = coarse.coarse.node[points]
     prior = coarse.mean(likely)
     system = HarmonicSystem(coarse.coarse.weights, nodes, STRENGTH * coarse.usual_degree * coarse.coarse.sizes)
