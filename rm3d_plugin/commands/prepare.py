@@ -1,4 +1,4 @@
-"""Make the regions of every training scene beforehand, where regions merge; nothing for the random walk."""
+"""Make the regions of every training scene beforehand, where regions merge (not by the random walk)."""
 
 import argparse
 from collections.abc import Sequence

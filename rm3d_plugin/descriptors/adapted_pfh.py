@@ -63,7 +63,6 @@ class AdaptedPFH(Descriptor):
     """
 
     presets = PRESETS
-    any_order = True
 
     def __init__(
         self,

@@ -71,11 +71,9 @@ class Descriptor(Fingerprinted, ABC):
 
     Attributes:
         presets: Kind of scene -> arguments that suit it; empty where the defaults serve everywhere.
-        any_order: Points may be given in another order than the file's, which is faster.
     """
 
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
-    any_order = False
 
     @final
     @classmethod

@@ -23,12 +23,7 @@ class Oversegmenter(Fingerprinted, ABC):
         ground: Options of :func:`rm3d_plugin.ops.ground.segment_ground`; ground points get the label -1. None keeps the
             ground.
         scene_files: Path of a file that is read for each scene, with ``{scene}`` for its name; None: no file is read.
-
-    Attributes:
-        any_order: Points may be given in another order than the file's, which is faster.
     """
-
-    any_order = False
 
     def __init__(self, ground: Mapping[str, Any] | None = None, scene_files: str | None = None) -> None:
         self.ground = None if ground is None else dict(ground)
@@ -92,7 +87,7 @@ def seeds_among(
 
     Args:
         seeds: Point numbers, or None.
-        kept: Point numbers, each once.
+        kept: Point numbers, ascending.
         total: Points of the whole cloud.
 
     Raises:

@@ -50,11 +50,6 @@ class GroundPatches(Oversegmenter):
                 'GroundPatches.rest: expected an over-segmenter with ground=None; the ground is not for it'
             )
 
-    @property
-    def any_order(self) -> bool:  # type: ignore[override]
-        """Whether the other over-segmenter does not mind."""
-        return self.rest.any_order
-
     def partition(
         self,
         cloud: PointCloud,

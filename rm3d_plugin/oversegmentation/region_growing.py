@@ -158,8 +158,6 @@ class RegionGrowing(Oversegmenter):
         ground: Options of :func:`rm3d_plugin.ops.ground.segment_ground`: removes the ground first. None keeps it.
     """
 
-    any_order = True
-
     def __init__(
         self,
         threshold: float = 0.8,

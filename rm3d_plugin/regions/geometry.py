@@ -12,7 +12,7 @@ from rm3d_plugin.registry import DESCRIPTORS, OVERSEGMENTERS
 from rm3d_plugin.storage import SceneCache, content_key
 from rm3d_plugin.structures import PointCloud
 
-PREPARED_VERSION = 4  # raise it when the geometry path changes, so that older caches are not read
+PREPARED_VERSION = 3  # raise it when the geometry path changes, so that older caches are not read
 
 Seeds = Int[np.ndarray, ' seeds'] | None
 

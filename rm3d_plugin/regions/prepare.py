@@ -4,10 +4,9 @@ import warnings
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from rm3d_plugin.descriptors.base import Descriptor, virtual_viewpoint
-from rm3d_plugin.ops.morton import morton_order
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.segment import scatter_rows
 from rm3d_plugin.ops.shared_octree import sharing_octree
@@ -16,7 +15,6 @@ from rm3d_plugin.oversegmentation.base import seeds_among
 from rm3d_plugin.regions.graph import build_region_graph
 from rm3d_plugin.structures import Descriptors, PointCloud, RegionGraph, Regions, SceneError
 
-SCATTERED = 10.0  # times as far as along the Morton curve the next point in memory is, from which on they are sorted
 TELL_FROM = 0.1  # share of a scene's points that are not described: from here on it is told
 
 
@@ -104,8 +102,6 @@ def prepare_scene(
     """
     cloud = _usable_channels(cloud, name)
     kept = np.flatnonzero(~oversegmenter.find_ground(cloud))
-    if descriptor.any_order and oversegmenter.any_order:
-        kept = kept[memory_order(cloud.xyz[kept])]
     rest = cloud.select(kept)
     with sharing_octree(rest.xyz):
         rest = with_normals(rest)
@@ -120,24 +116,6 @@ def prepare_scene(
     curvature = scatter_rows(rest.curvature, kept, len(cloud), fill=0)
     everywhere = scatter_rows(regions.labels, kept, len(cloud), fill=-1)
     return PreparedScene(replace(cloud, normals=normals, curvature=curvature), Regions(everywhere), graph)
-
-
-def memory_order(xyz: Float[np.ndarray, 'points 3']) -> Int[np.ndarray, ' points']:
-    """An order in which points that are near lie near in memory, which all searches are faster for.
-
-    That of the file where it is such, as of most scanners; else along the Morton curve.
-
-    Args:
-        xyz: Metres.
-    """
-    order = morton_order(xyz)
-    near = _usual_step(xyz) <= SCATTERED * _usual_step(xyz[order])
-    return np.arange(len(xyz)) if near else order
-
-
-def _usual_step(xyz: Float[np.ndarray, 'points 3']) -> float:
-    """Metres from a point to the next in memory."""
-    return float(np.median(np.linalg.norm(np.diff(xyz, axis=0), axis=1))) if len(xyz) > 1 else 0.0
 
 
 def _usable_channels(cloud: PointCloud, name: str) -> PointCloud:

@@ -49,8 +49,8 @@ def test_names_of_ones_own_are_allowed_where_something_reads_them(page):
         ("region_prior = dict(gamma='high')", "gamma: expected a number, as 0.75 is, got 'high'"),
         ('accumulate = 0', 'accumulate: expected a whole number from 1, got 0'),
         ('checkpoint_interval = 2.5', 'checkpoint_interval: expected a whole number from 1, got 2.5'),
-        ('sigma = 5', r'periods=\[20, 40\], .*: expected .* rounds x sigma = 15 epochs|batch'),
-        ('rounds = 5', r'periods=\[20, 40\], .*: expected .* rounds x sigma = 100 epochs'),
+        ('sigma = 5', r'periods=\[80, 160\], .*: expected .* rounds x sigma = 15 epochs|batch'),
+        ('rounds = 5', r'periods=\[80, 160\], .*: expected .* rounds x sigma = 400 epochs'),
     ],
 )
 def test_values_of_another_kind_are_refused(text, message, page):

@@ -7,7 +7,7 @@ from reference.rooms import make_room
 
 from rm3d_plugin.descriptors import AdaptedPFH, Descriptor
 from rm3d_plugin.oversegmentation import GroundPatches, Precomputed, RegionGrowing
-from rm3d_plugin.regions.prepare import PreparedScene, memory_order, prepare_scene
+from rm3d_plugin.regions.prepare import PreparedScene, prepare_scene
 from rm3d_plugin.structures import Descriptors, PointCloud, Regions, SceneError
 
 
@@ -105,28 +105,6 @@ def test_very_few_points(n, ground):
         scene = prepare_scene(cloud, AdaptedPFH(), RegionGrowing(ground=ground), max_gap=max_gap)
         assert len(scene.cloud) == n
         same(PreparedScene.from_arrays(scene.to_arrays()), scene)
-
-
-def test_points_in_any_order_make_the_same_scene():
-    cloud = street()
-    order = np.random.default_rng(3).permutation(len(cloud))
-    assert (memory_order(cloud.xyz[order])[:-1] + 1 != memory_order(cloud.xyz[order])[1:]).mean() > 0.5
-    lines = np.stack(np.meshgrid(np.arange(40), np.arange(50), [0.0]), -1).reshape(-1, 3)
-    np.testing.assert_array_equal(memory_order(lines), np.arange(2000))  # as a scanner writes them
-    once, again = (
-        prepare_scene(each, AdaptedPFH(radius=0.8), RegionGrowing()) for each in (cloud, cloud.select(order))
-    )
-    np.testing.assert_array_equal(again.cloud.normals, once.cloud.normals[order])
-    both = np.unique(np.stack([again.regions.labels, once.regions.labels[order]]), axis=1)
-    assert both.shape[1] == len(np.unique(both[0])) == len(np.unique(both[1]))
-
-
-def test_given_regions_stay_with_their_points_however_these_lie_in_memory():
-    xyz = np.random.default_rng(1).uniform(0, 10, (1000, 3)) * [1, 1, 0.001]
-    given = (xyz[:, 0] > 5).astype(np.int64)
-    assert (memory_order(xyz) != np.arange(1000)).any()
-    scene = prepare_scene(PointCloud(xyz), Height(), Precomputed(labels=given))
-    np.testing.assert_array_equal(scene.regions.labels, given != given[0])  # numbered as they come
 
 
 def test_same_result_twice_and_for_any_number_of_threads(monkeypatch):
