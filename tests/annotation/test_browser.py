@@ -194,11 +194,16 @@ def red(tab, place):
 
 
 def box_an_object(tab, session):
-    """Begin an object, give it the points of a rectangle, and fit a box."""
+    """Begin an object of the rarest class, click it, and fit a box; then give points of a rectangle to it."""
     scan, count = session.scans[0], len(session.log.clicks)
-    for key in 'n', '2':
+    rarest = np.bincount(session.labels(scan).semantic, minlength=5).argmin()  # an object is not most of the scan
+    for key in 'n', str(rarest + 1):
         tab.keyboard.press(key)
     tab.wait_for_timeout(500)
+    click_until(tab, (0.5, 0.5), lambda: len(session.log.clicks) > count)
+    count = settled_count(tab, session)
+    tab.keyboard.press('b')
+    assert within(lambda: session.objects.boxes(scan))
     box = tab.locator('canvas').first.bounding_box()
     tab.keyboard.down('Shift')
     tab.mouse.move(box['x'] + 0.45 * box['width'], box['y'] + 0.45 * box['height'])
@@ -207,8 +212,6 @@ def box_an_object(tab, session):
     tab.mouse.up()
     tab.keyboard.up('Shift')
     assert within(lambda: len(session.log.clicks) > count)
-    tab.keyboard.press('b')
-    assert within(lambda: session.objects.boxes(scan))
     tab.wait_for_timeout(1000)
 
 
