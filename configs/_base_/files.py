@@ -61,8 +61,8 @@ walker = dict()  # labels spread by a random walk: walker.accept=.7 for purer on
 random_walk = dict(network_errors_apart=2.0)  # a network that learnt the labels for long says little beside them
 label_maker = dict(walker='${walker}', random_walk='${random_walk}')
 # Two refreshes of the labels; that in the middle of the second period does not disturb it. A step is a scan: a single scan
-# needs 80 epochs a round for the network to know what its labels say; folders of many scans do with fewer
-# (sigma=20 periods=[20,40]).
+# needs 80 epochs a round for the network to know what its labels say. Many scans have as many times the steps; fewer epochs
+# of them (sigma=20 periods=[20,40], say) were not measured.
 rounds = 3
 sigma = 80
 param_scheduler = '${restart_schedule}'

@@ -69,6 +69,5 @@ def test_what_labels_find_likeliest_comes_before_the_network(store):
     labels.finish_round(1, {})
     labels.set_current(1)
     got = scored(UnlabelledSemSegMetric(store, keep_labels=True, classes=('road', 'car')))
-    assert got['accuracy'] == pytest.approx(
-        50.0
-    )  # 2 and 5 have labels, 3 is likeliest a car, 4 is the network's: a car
+    # 2 and 5 have labels, 3 is likeliest a car, 4 is the network's: a car
+    assert got['accuracy'] == pytest.approx(50.0)

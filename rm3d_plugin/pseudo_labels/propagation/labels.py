@@ -35,12 +35,12 @@ class Labels(NamedTuple):
         return self._replace(points=self.points[rows], classes=self.classes[rows], places=self.places[rows])
 
     @property
-    def number(self) -> Int[np.ndarray, ' classes']:
+    def counts(self) -> Int[np.ndarray, ' classes']:
         """Labels of each class."""
         return np.bincount(self.classes, minlength=self.num_classes)
 
     @property
-    def counts(self) -> Int[np.ndarray, ' classes']:
+    def place_counts(self) -> Int[np.ndarray, ' classes']:
         """Labels of each class, those of one place once."""
         _, first = np.unique(self.places, return_index=True)
         return np.bincount(self.classes[first], minlength=self.num_classes)

@@ -122,8 +122,9 @@ class _Graph:
         nearby = columns[pinned]
         factor = cho_factor(nearby + JITTER * nearby.max() * np.eye(len(pinned)))
         shares = self._pinned(prior, target, pinned, columns, factor)
-        if labels.counts.max() > 1:
-            factors = prior_shift(shares.argmax(axis=1), sizes, labels.counts, rules.prior_half, labels.number)
+        places = labels.place_counts
+        if places.max() > 1:
+            factors = prior_shift(shares.argmax(axis=1), sizes, places, rules.prior_half, labels.counts)
             shares = self._pinned(normalised(prior * factors), target, pinned, columns, factor)
         return normalised(np.maximum(shares, 0.0)).astype(np.float32)[self._node]
 

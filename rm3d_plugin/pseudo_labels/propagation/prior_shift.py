@@ -9,9 +9,9 @@ TRUST = 50.0  # labels that the solution's frequencies count against one pseudo 
 def prior_shift(
     said: Int[np.ndarray, ' nodes'],
     sizes: Int[np.ndarray, ' nodes'],
-    counts: Int[np.ndarray, ' classes'],
+    places: Int[np.ndarray, ' classes'],
     half: float,
-    number: Int[np.ndarray, ' classes'] | None = None,
+    counts: Int[np.ndarray, ' classes'] | None = None,
 ) -> Float[np.ndarray, ' classes']:
     """Factors that turn shares by labels as they were given into shares by classes as they are.
 
@@ -23,9 +23,9 @@ def prior_shift(
     Args:
         said: Class of each node in a solution.
         sizes: Points of each node.
-        counts: Labels of each class, those of one place once; at least one.
+        places: Labels of each class, those of one place once; at least one.
         half: See :func:`label_trust`.
-        number: Labels of each class, each once; None: as many. Strokes have far more labels than places, dense chance
+        counts: Labels of each class, each once; None: as many. Strokes have far more labels than places, dense chance
             draws fall together into few places: the count that is nearer to the solution is taken.
 
     >>> prior_shift(np.array([0, 0, 0, 1]), np.ones(4, int), np.array([1, 1]), 3.0)
@@ -33,14 +33,14 @@ def prior_shift(
     >>> prior_shift(np.array([0, 0, 0, 1]), np.ones(4, int), np.array([30, 10]), 3.0).round(1)
     array([1., 1.])
     """
-    share = np.bincount(said, sizes, len(counts)) / max(float(sizes.sum()), 1.0)
+    share = np.bincount(said, sizes, len(places)) / max(float(sizes.sum()), 1.0)
     factors, apart = [], []
-    for each in (counts,) if number is None else (counts, number):
+    for each in (places,) if counts is None else (places, counts):
         given = (each + 1) / (each.sum() + len(each))
         found = (share * each.sum() * TRUST + given) / (each.sum() * TRUST + 1)
         factors.append(found / given)
         apart.append(float(found @ np.log(found / given)))
-    return np.asarray(factors[int(np.argmin(apart))] ** label_trust(counts, half))
+    return np.asarray(factors[int(np.argmin(apart))] ** label_trust(places, half))
 
 
 def label_trust(counts: Int[np.ndarray, ' classes'], half: float) -> float:

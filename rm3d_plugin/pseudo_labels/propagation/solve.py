@@ -125,7 +125,8 @@ def at_points(graphs: list[CoarseGraph], found: list[Solution]) -> Float[np.ndar
 
 def trust_of(labels: Labels, rules: WalkerRules) -> float:
     """How far the labels are to be trusted to tell of classes as a whole."""
-    return label_trust(labels.counts[labels.counts > 0], rules.prior_half)
+    places = labels.place_counts
+    return label_trust(places[places > 0], rules.prior_half)
 
 
 def walks(
@@ -157,11 +158,11 @@ def _walk(
     own = Pull(np.full(len(sizes), strength * graph.usual_degree), likely)
     pull = own.joined(network)
     system = HarmonicSystem(graph.coarse.weights, nodes, pull.strength * sizes)
-    given, counts, number = np.eye(count)[labels.classes], labels.counts, labels.number
+    given, places, counts = np.eye(count)[labels.classes], labels.place_counts, labels.counts
     shares = system.shares(given, pull.prior)
-    for _ in range(rules.prior_rounds if strength > 0 and counts.max(initial=0) > 1 else 0):
+    for _ in range(rules.prior_rounds if strength > 0 and places.max(initial=0) > 1 else 0):
         factors = prior_shift(
-            shares.argmax(axis=1), sizes, np.maximum(counts, 1), rules.prior_half, np.maximum(number, 1)
+            shares.argmax(axis=1), sizes, np.maximum(places, 1), rules.prior_half, np.maximum(counts, 1)
         )
         pull = own._replace(prior=normalised(likely * factors)).joined(network)
         shares = system.shares(given, pull.prior)

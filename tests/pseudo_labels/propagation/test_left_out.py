@@ -34,7 +34,7 @@ def test_a_stroke_counts_as_one_label():
     classes = np.repeat([1, 0, 1, 1], [40, 40, 1, 1])
     places = places_of(xyz, classes, 0.1)
     assert len(np.unique(places[:40])) == len(np.unique(places[40:80])) == 1 and places[80] == places[81]
-    assert Labels(np.arange(82), classes, 3, places, xyz[:0], classes[:0]).counts.tolist() == [1, 2, 0]
+    assert Labels(np.arange(82), classes, 3, places, xyz[:0], classes[:0]).place_counts.tolist() == [1, 2, 0]
     assert places_of(xyz[:0], classes[:0], 0.1).shape == (0,)
 
 
