@@ -1,20 +1,28 @@
 """Any scan file as named columns, and which column plays which part."""
 
 import warnings
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from rm3d_plugin.storage.e57 import read_e57
-from rm3d_plugin.storage.float_records import RECORDS, USUAL, check_sense, float_width, holds_colors, holds_doubles
+from rm3d_plugin.storage.float_records import (
+    RECORDS,
+    USUAL,
+    WIDER,
+    check_sense,
+    float_width,
+    holds_colors,
+    holds_doubles,
+)
 from rm3d_plugin.storage.las import read_las
 from rm3d_plugin.storage.leica_text import PARTS as COLUMNS
 from rm3d_plugin.storage.leica_text import read_pts, read_ptx
 from rm3d_plugin.storage.npy import read_archive, read_npy
 from rm3d_plugin.storage.pcd import read_pcd
 from rm3d_plugin.storage.ply import read_ply
+from rm3d_plugin.storage.signatures import check_signature
 from rm3d_plugin.storage.text_columns import plain_name, read_text_table
 from rm3d_plugin.structures import SceneError
 
@@ -33,6 +41,7 @@ ALIASES = {
     'instance': ('instance', 'instances', 'instance_id', 'instance_label'),
 }
 """Names under which a part is found; case, ``scalar_`` before a name and a unit ``[m]`` behind it do not matter."""
+_ALIASED = {alias for found in ALIASES.values() for alias in found}
 _BLOCKS = {name: tuple('xyz') for name in ('xyz', 'points', 'pos', 'coord', 'coords')}
 _BLOCKS |= {name: RGB for name in ('colors', 'color', 'rgb')} | {name: NORMAL for name in ('normals', 'normal')}
 
@@ -41,6 +50,7 @@ ENDINGS = (
     '.bin', '.csv', '.e57', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.pts', '.ptx', '.txt', '.xyz',
     '.xyz_label_conf',
 )  # fmt: skip
+_NUMBERS = 'iufb'  # kinds of numpy
 _LISTED = 12  # names in a message
 _MANY = 100  # columns that are rather points
 
@@ -69,14 +79,19 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
     if not path.is_file():
         raise SceneError(f'{path}: {"is no file but a folder or a device" if path.exists() else "no such file"}')
     try:
+        check_signature(path)
         columns = readers[path.suffix.lower()](path, names)
     except SceneError:
         raise
+    except OSError as error:
+        raise SceneError(f'{path}: cannot be read ({error.strerror or error})') from error
     except Exception as error:  # a damaged file shows as anything from zlib.error to tokenize.TokenError
         reason = str(error).partition('. ')[0]  # what follows in numpy's message is advice to load unsafely
-        raise SceneError(f'{path}: not readable as {path.suffix} ({type(error).__name__}: {reason})') from error
+        raise SceneError(
+            f'{path}: not readable as {path.suffix} ({type(error).__name__}: {reason}); copy or export it again'
+        ) from error
     for name, values in columns.items():
-        if values.dtype.kind not in 'iufb':
+        if values.dtype.kind not in _NUMBERS:
             raise SceneError(f'{path}: {name}: expected numbers, got {values.dtype}')
     return columns
 
@@ -132,6 +147,31 @@ def find_roles(columns: Mapping[str, np.ndarray], given: Columns | None, path: P
                 'name the columns: columns=dict(x=0, y=1, z=2), say'
             )
     return out
+
+
+def warn_of_rivals(columns: Mapping[str, np.ndarray], given: Columns | None, path: Path) -> None:
+    """A warning where two columns that group the points otherwise could be the label, and nobody said which.
+
+    Paris-Lille-3D, say, has objects in ``label`` and classes in ``class``.
+    """
+    if (given is not None and 'label' in given) or path.suffix.lower() in ('.las', '.laz'):
+        return  # LAS has room for a classification in any case; a label beside it was added on purpose
+    lower = {plain_name(name): name for name in reversed(list(columns))}
+    names = [lower[alias] for alias in ALIASES['label'] if alias in lower]
+    rivals = [name for name in names[1:] if _group_otherwise(columns[names[0]], columns[name])]
+    if rivals:
+        warnings.warn(
+            f'{path}: both {names[0]!r} and {rivals[0]!r} could be the label; {names[0]!r} is read: else say '
+            f'columns=dict(label={rivals[0]!r})',
+            stacklevel=3,
+        )
+
+
+def _group_otherwise(label: np.ndarray, other: np.ndarray) -> bool:
+    """Whether another column has several values, and these are not the labels under other numbers."""
+    (found, first), (values, second) = (np.unique(column, return_inverse=True) for column in (label, other))
+    pairs = len(np.unique(first.reshape(-1) * len(values) + second.reshape(-1)))
+    return len(values) > 1 and not pairs == len(found) == len(values)
 
 
 def _column_name(wanted: int | str | None, order: list[str], role: str, path: Path) -> str | None:
@@ -225,6 +265,9 @@ def _record(data: bytes, path: Path) -> str:
         raise SceneError(f'{path}: looks like float64 numbers; expected float32: save .astype(float32), or a .npy file')
     check_sense(data, path)
     width = float_width(data, path.name)
+    if width in WIDER:
+        _tell_wide(width, path)
+        width = USUAL
     names = RECORDS[width]
     if width == 6 and holds_colors(np.frombuffer(data, dtype='<f4').reshape(-1, 6)):
         names = COLUMNS[6]
@@ -236,9 +279,22 @@ def _record(data: bytes, path: Path) -> str:
     return names
 
 
+def _tell_wide(width: int, path: Path) -> None:
+    """A file of more numbers a point than any known kind has; points in a pattern look like 8 as well as 4.
+
+    Raises:
+        SceneError: It cannot be one of the usual 4.
+    """
+    told = (
+        f'{path}: looks like {width} float32 a point; expected {USUAL} ({RECORDS[USUAL]}); if it is so, name them: '
+        f"columns='x y z intensity{' -' * (width - USUAL)}', - for what is passed over"
+    )
+    if width % USUAL:
+        raise SceneError(told)
+    warnings.warn(told, stacklevel=6)
+
+
 def _npy(path: Path, names: str | None) -> dict[str, np.ndarray]:
-    if zipfile.is_zipfile(path):
-        raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
     table = read_npy(path)
     if table.dtype.names:
         return _by_name({name: table[name] for name in table.dtype.names}, path, names)
@@ -252,24 +308,39 @@ def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 def _by_name(arrays: Mapping[str, np.ndarray], path: Path, names: str | None) -> dict[str, np.ndarray]:
     """Columns of named arrays of one or more numbers a point."""
-    first = next((name for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in arrays), None)
+    lower = {name.lower(): name for name in reversed(arrays)}
+    first = next((lower[name] for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in lower), None)
     if first is None:
-        raise SceneError(f'{path}: holds {sorted(arrays)}; expected xyz (N, 3), points (N, 3 or more), or x, y and z')
+        raise SceneError(
+            f'{path}: holds {listed(sorted(arrays))}; expected xyz (N, 3), points (N, 3 or more), or x, y, z'
+        )
     rows, out = arrays[first].shape[:1], {}
     for name, values in arrays.items():
+        known = name.lower() in _BLOCKS or name.lower() in _ALIASED
         if values.shape[:1] != rows or values.ndim not in (1, 2):
-            if name.lower() in _BLOCKS or name.lower() in {alias for found in ALIASES.values() for alias in found}:
+            if known:
                 raise SceneError(f'{path}: {name}: shape {values.shape}, but {first} has shape {arrays[first].shape}')
             continue  # what is not about points: a transform, a name, an origin
-        if values.ndim == 1 or values.shape[1] == 1:
-            out[name] = values.reshape(-1)
-        elif values.shape[1] == len(_BLOCKS.get(name.lower(), ())):
-            out |= {part: values[:, i] for i, part in enumerate(_BLOCKS[name.lower()])}
-        elif name == first:
-            out |= _named(values, path, names)
-        else:
-            out |= {f'{name}_{i}': values[:, i] for i in range(values.shape[1])}
+        if not known and values.dtype.kind not in _NUMBERS:
+            continue  # names, times
+        found = _named(values, path, names) if name == first and values.ndim == 2 else None
+        parts = _parts_of(name, values, path) if found is None or values.shape[1] == 3 else found
+        if twice := sorted(parts.keys() & out.keys()):
+            raise SceneError(f'{path}: {name}: {twice[0]} is there already, in another array; keep one of them')
+        out |= parts
     return out
+
+
+def _parts_of(name: str, values: np.ndarray, path: Path) -> dict[str, np.ndarray]:
+    """The columns of one array; alpha behind red, green and blue is passed over."""
+    block, width = _BLOCKS.get(name.lower(), ()), 1 if values.ndim == 1 else values.shape[1]
+    if width == 1 and not block:
+        return {name: values.reshape(-1)}
+    if width == len(block) or (block == RGB and width == len(RGB) + 1):
+        return {part: values[:, i] for i, part in enumerate(block)}
+    if block or name.lower() in _ALIASED:
+        raise SceneError(f'{path}: {name}: shape {values.shape}; expected {len(block) or 1} numbers a point')
+    return {f'{name}_{i}': values[:, i] for i in range(width)}
 
 
 def _moved(columns: dict[str, np.ndarray], origin: np.ndarray | None, path: Path) -> dict[str, np.ndarray]:

@@ -40,11 +40,10 @@ def warn_of_units(xyz: Float[np.ndarray, 'points 3'], path: Path) -> None:
     if len(xyz) == 0:
         return
     middle = np.abs(np.median(xyz, axis=0)).max()
-    exact = xyz.dtype.kind != 'f' or xyz.dtype == np.float64
-    if not exact and (step := float(np.spacing(xyz.dtype.type(middle)))) > COARSE:
+    if xyz.dtype.kind == 'f' and (step := float(np.spacing(xyz.dtype.type(middle)))) > COARSE:
         warnings.warn(
             f'{path}: coordinates around {middle:g} are {xyz.dtype}, in steps of {step:g} m: digits are lost; '
-            'export them as double, or subtract an offset first',
+            f'{"export them as double, or " * (xyz.dtype.itemsize < 8)}subtract an offset first',
             stacklevel=3,
         )
     if len(xyz) < _FEW:

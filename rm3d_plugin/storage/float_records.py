@@ -16,6 +16,7 @@ RECORDS = {
 }
 """What a record of so many numbers holds: KITTI has 4; nuScenes adds the ring, merged sweeps the time."""
 USUAL = 4
+WIDER = range(7, 17)  # numbers a point that a file may have, but whose meaning nobody can know
 _ENOUGH = 60  # points from which a width is told
 _LOOKED_AT = 1 << 14  # numbers
 _RINGS = 31  # the highest ring of a lidar of 32
@@ -41,7 +42,7 @@ def float_width(data: bytes, name: str = '') -> int:
         return USUAL
     greatest = _FAR * np.quantile(np.abs(numbers), 0.9)
     numbers = np.clip(numbers, -greatest, greatest)  # one stray point is no reason for another width
-    fitting = [width for width in RECORDS if len(data) % (4 * width) == 0 or width == USUAL]
+    fitting = [width for width in (*RECORDS, *WIDER) if len(data) % (4 * width) == 0 or width == USUAL]
     scatter = {width: _scatter(numbers, width) for width in fitting}
     least = min(scatter.values())
     if scatter[USUAL] < least + _CLEAR:
@@ -101,10 +102,10 @@ def check_float_width(data: bytes, width: int, path: Path) -> None:
     """
     check_sense(data, path)
     found = float_width(data, path.name)
-    if found != width:
+    if found % width:
         raise SceneError(
-            f'{path}: looks like {found} columns of float32 a point ({RECORDS[found]}); expected {width}; '
-            f'save the first {width} alone'
+            f'{path}: looks like {found} columns of float32 a point ({RECORDS.get(found, "of unknown meaning")}); '
+            f'expected {width}; save the first {width} alone'
         )
     if len(data) % (4 * width):
         raise SceneError(

@@ -25,7 +25,9 @@ def read_array(file: IO[bytes], size: int) -> np.ndarray:
     if major in _HEADERS:  # version 3 is for names of fields in other scripts
         shape, _, dtype = _HEADERS[major](file)
         promised = math.prod(shape) * dtype.itemsize
-        if dtype.hasobject or promised > size:
+        if dtype.hasobject:
+            raise ValueError('it holds Python objects, which are never read: save numbers alone')
+        if promised > size:
             raise ValueError(f'shape {shape} of {dtype} makes {promised} bytes, but there are {size}')
     file.seek(start)
     array: np.ndarray = np.lib.format.read_array(file, allow_pickle=False)
@@ -44,5 +46,9 @@ def read_archive(path: Path) -> dict[str, np.ndarray]:
         arrays = {}
         for entry in archive.infolist():
             with archive.open(entry) as file:
-                arrays[entry.filename.removesuffix('.npy')] = read_array(file, entry.file_size)
+                name = entry.filename.removesuffix('.npy')
+                try:
+                    arrays[name] = read_array(file, entry.file_size)
+                except ValueError as error:
+                    raise ValueError(f'array {name!r}: {error}') from error
     return arrays

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from rm3d_plugin.storage.ply import cast_checked
+from rm3d_plugin.storage.ply import cast_checked, warn_of_rest
 from rm3d_plugin.storage.text_table import BadTextError, parse_table
 from rm3d_plugin.structures import SceneError
 
@@ -17,6 +17,7 @@ _TYPES = {'I': 'i', 'U': 'u', 'F': 'f'}
 _FORMS = ('ascii', 'binary', 'binary_compressed')
 _HEADER_BYTES = 1 << 16
 _MOST = 1 << 40  # points, or numbers in one: more is no file of this world
+_NAN_OF_TEXT = np.float32(np.nan).view(np.uint32)  # opaque colours are NaN as floats; their bits differ
 _LZF_RATIO = 90  # at most 264 bytes from 3
 
 
@@ -115,7 +116,9 @@ def _read_header(content: bytes, path: Path) -> tuple[PcdHeader, int]:
     try:
         header = _header_of(entries, form)
     except (KeyError, IndexError, ValueError, TypeError) as error:
-        raise SceneError(f'{path}: header: FIELDS, SIZE, TYPE, COUNT and POINTS do not fit: {error!r}') from error
+        raise SceneError(
+            f'{path}: header: FIELDS, SIZE, TYPE, COUNT, WIDTH and POINTS do not fit ({error}); copy it again'
+        ) from error
     used = [field.name for field in header.fields if not field.is_padding]
     if len(set(used)) != len(used):
         raise SceneError(f'{path}: FIELDS names a field twice: {" ".join(used[:12])}')
@@ -130,6 +133,8 @@ def _header_of(entries: Mapping[str, list[str]], form: str) -> PcdHeader:
     rows = int(entries['POINTS'][0]) if entries.get('POINTS') else shape[0] * shape[1]
     if min(counts) < 1 or rows < 0 or max(*counts, rows) > _MOST:
         raise ValueError(f'COUNT {min(counts)} to {max(counts)}, {rows} points')
+    if entries.get('WIDTH') and entries.get('HEIGHT') and rows != shape[0] * shape[1]:
+        raise ValueError(f'POINTS {rows}, but WIDTH {shape[0]} and HEIGHT {shape[1]}')
     kinds = [
         np.dtype(f'<{_TYPES[kind.upper()]}{int(size)}')
         for size, kind in zip(entries['SIZE'], entries['TYPE'], strict=True)
@@ -142,7 +147,7 @@ def _header_of(entries: Mapping[str, list[str]], form: str) -> PcdHeader:
 
 def _ascii(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
     ends = np.cumsum([field.width for field in header.fields]).tolist()
-    if ends[-1] > len(body):
+    if header.rows and ends[-1] > len(body):
         raise SceneError(f'{path}: {len(body)} bytes of points, but COUNT says {ends[-1]} numbers each; cut off?')
     try:
         table = parse_table(body, columns=ends[-1])
@@ -161,6 +166,7 @@ def _ascii(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
 def _binary(body: bytes, header: PcdHeader, path: Path) -> list[np.ndarray]:
     size = sum(field.size for field in header.fields)
     _need(path, len(body), size * header.rows)
+    warn_of_rest(path, len(body) - size * header.rows, size, f'POINTS {header.rows}')
     rows = np.frombuffer(body, dtype=np.uint8, count=size * header.rows).reshape(header.rows, size)
     ends = np.cumsum([field.size for field in header.fields]).tolist()
     return [
@@ -196,10 +202,14 @@ def _need(path: Path, got: int, expected: int) -> None:
 
 
 def _unpacked(rgb: np.ndarray) -> dict[str, np.ndarray]:
-    """Red, green and blue from the lowest 24 bits, whatever type they travel in."""
+    """Red, green and blue from the lowest 24 bits, whatever type they travel in; NaN where text lost them."""
     bits = rgb.astype(np.float32).view(np.uint32) if rgb.dtype.kind == 'f' else rgb.astype(np.uint32)
+    if rgb.dtype.kind == 'f' and ((rgb == 0) | ((rgb >= 1) & (rgb < 1 << 24) & (rgb % 1 == 0))).all():
+        bits = rgb.astype(np.uint32)  # the number, not its bits
     shifts = (('red', 16), ('green', 8), ('blue', 0))
-    return {name: (bits >> shift & 255).astype(np.uint8) for name, shift in shifts}
+    parts = {name: (bits >> shift & 255).astype(np.uint8) for name, shift in shifts}
+    lost = bits == _NAN_OF_TEXT
+    return {name: np.where(lost, np.nan, values) for name, values in parts.items()} if lost.any() else parts
 
 
 @njit(cache=True)

@@ -2,6 +2,7 @@
 
 # mypy: disable-error-code="no-untyped-def"
 # ruff: noqa: ANN001, ANN202
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -72,10 +73,17 @@ class Element(NamedTuple):
 
 
 class PlyHeader(NamedTuple):
-    """What stands before the numbers: one of ``ascii``, ``binary_..._endian``, and the elements up to the vertices."""
+    """What stands before the numbers.
+
+    Attributes:
+        form: One of ``ascii``, ``binary_..._endian``.
+        elements: Up to the vertices.
+        is_whole: Whether nothing comes behind the vertices.
+    """
 
     form: str
     elements: list[Element]
+    is_whole: bool
 
 
 def read_ply(path: str | Path) -> dict[str, np.ndarray]:
@@ -95,6 +103,8 @@ def read_ply(path: str | Path) -> dict[str, np.ndarray]:
     at, table = 0, np.zeros(0, dtype=header.elements[-1].kind)
     for element in header.elements:
         at, table = _binary_rows(body, at, element, path)
+    if header.is_whole:
+        warn_of_rest(path, len(body) - at, table.dtype.itemsize, f'element vertex {len(table)}')
     return {name: _native(table[name]) for name in table.dtype.names or ()}
 
 
@@ -208,6 +218,8 @@ def _checked_header(form: str, elements: list[tuple[str, int, list[list[str]]]],
     names = [name for name, _, _ in elements]
     if 'vertex' not in names:
         raise SceneError(f'{path}: has no element vertex, got {names[:12]}')
+    if names.count('vertex') > 1:
+        raise SceneError(f'{path}: has several elements vertex, expected one; export each mesh by itself')
     used = elements[: names.index('vertex') + 1]
     read = [Element(name, rows, [_property(p, _ORDERS[form], path) for p in parts]) for name, rows, parts in used]
     for name, _, properties in read:
@@ -215,7 +227,7 @@ def _checked_header(form: str, elements: list[tuple[str, int, list[list[str]]]],
             raise SceneError(f'{path}: element {name} names a property twice')
     if all(p.length is not None for p in read[-1].properties):
         raise SceneError(f'{path}: element vertex has no numbers')
-    return PlyHeader(form, read)
+    return PlyHeader(form, read, len(used) == len(elements))
 
 
 def _property(words: list[str], order: str, path: Path) -> Property:
@@ -233,7 +245,9 @@ def _property(words: list[str], order: str, path: Path) -> Property:
 def _ascii_vertices(body: bytes, header: PlyHeader, path: Path) -> dict[str, np.ndarray]:
     vertex = header.elements[-1]
     first = sum(element.rows for element in header.elements[:-1])
-    lines = [line for line in body.splitlines() if line.strip()][first : first + vertex.rows]
+    lines = [line for line in body.splitlines() if line.strip()]
+    rest = b'\n'.join(lines[first + vertex.rows :]) if header.is_whole else b''
+    lines = lines[first : first + vertex.rows]
     if len(lines) < vertex.rows:
         raise SceneError(f'{path}: {len(lines)} vertices, the header says {vertex.rows}; cut off? copy it again')
     names = vertex.kind.names or ()
@@ -242,6 +256,7 @@ def _ascii_vertices(body: bytes, header: PlyHeader, path: Path) -> dict[str, np.
         table = parse_table(b'\n'.join(lines), columns=len(names))
     except BadTextError as error:
         raise SceneError(f'{path}: vertex {error.line - 1}: {error.reason}; copy the file again') from error
+    warn_of_rest(path, len(rest), len(lines[-1]) // 2 if lines else 1, f'element vertex {vertex.rows}')
     return {name: cast_checked(table[:, i], vertex.kind[name], f'{path}: {name}') for i, name in enumerate(names)}
 
 
@@ -256,6 +271,23 @@ def _without_lists(line: bytes, element: Element, path: Path) -> bytes:
         else:
             raise SceneError(f'{path}: {part.name}: expected the length of a list, got {line[:80]!r}')
     return b' '.join([*kept, *words[at:]])
+
+
+def warn_of_rest(path: Path, left: int, point: int, announced: str) -> None:
+    """A warning where behind the last point there is room for another.
+
+    Args:
+        path: The file.
+        left: Bytes behind the last point.
+        point: Bytes that a point takes.
+        announced: What the header says.
+    """
+    if left >= max(point, 1):
+        warnings.warn(
+            f'{path}: the header says {announced}, but {left} bytes follow, which are not read; a wrong count, or a '
+            'file changed on its way?',
+            stacklevel=4,
+        )
 
 
 def cast_checked(values: np.ndarray, kind: np.dtype, where: str) -> np.ndarray:

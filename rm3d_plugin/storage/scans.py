@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rm3d_plugin.storage.columns import NORMAL, RGB, Columns, find_roles, read_columns, split_names
+from rm3d_plugin.storage.columns import NORMAL, RGB, Columns, find_roles, read_columns, split_names, warn_of_rivals
 from rm3d_plugin.storage.coordinates import warn_of_units
 from rm3d_plugin.storage.leica_text import ptx_sensor
 from rm3d_plugin.storage.pcd import read_pcd_header
@@ -139,6 +139,8 @@ def scan_of_columns(
     if not sensor_at_zero:
         warn_of_units(xyz, path)
     cloud = _cloud(xyz, _channels(parts, color_range, path), not sensor_at_zero, _sensor(path))
+    if labels:
+        warn_of_rivals(columns, given, path)
     read = {name: _whole(path, name, parts[name]) for name in ('label', 'instance') if labels and name in parts}
     return Scan(cloud, **read)
 

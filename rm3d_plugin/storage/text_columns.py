@@ -13,6 +13,7 @@ from rm3d_plugin.structures import SceneError
 
 _NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)', re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r'[-+]?(\d+(,\d*)?|,\d+)([eE][-+]?\d+)?')
+_THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+(\.\d*)?')
 _COMMENT = ('#', '//')
 _SHOWN = 4096  # bytes in which the first line is looked for
 
@@ -52,6 +53,7 @@ def read_text_table(path: Path) -> TextTable:
     """
     text = plain_text(path.read_bytes())
     layout = find_layout(text)
+    _check_thousands(path, text, layout)
     body = b'\n' * text.count(b'\n', 0, layout.start) + text[layout.start :]  # lines keep their numbers
     if b'"' in body:
         body = re.sub(rb'"([^"\n]*)"', lambda cell: cell[1].replace(b',', b'.'), body)
@@ -135,16 +137,33 @@ def _row_separator(line: str, header_separator: str) -> tuple[str, bool]:
     return '' if mixed or separator not in line else separator, False
 
 
+def _check_thousands(path: Path, text: bytes, layout: TextLayout) -> None:
+    """Whether commas in the first row part thousands: ``412,345.67 5,123,456.78 120.5``.
+
+    Raises:
+        SceneError: Every word is a number, and such a one is among them.
+    """
+    line = text[layout.start :].partition(b'\n')[0].decode('utf-8', errors='replace')
+    words = [word for word in (word.strip() for word in line.split(layout.separator or None)) if word]
+    grouped = [word for word in words if _THOUSANDS.fullmatch(word)]
+    plain = all(_THOUSANDS.fullmatch(word) or _NUMBER.fullmatch(word) for word in words)
+    if grouped and plain and not layout.decimal_comma:
+        number = text.count(b'\n', 0, layout.start) + 1
+        raise SceneError(
+            f'{path}, line {number}: {grouped[0]!r} seems to have commas between thousands; export it without'
+        )
+
+
 def _is_number(word: str) -> bool:
     return bool(_NUMBER.fullmatch(word) or _DECIMAL_COMMA.fullmatch(word))
 
 
 def plain_text(data: bytes) -> bytes:
-    """UTF-8 without a mark at its beginning, lines that end with a line feed."""
+    """UTF-8 without a mark at its beginning, every line ends with a line feed."""
     if data.startswith((b'\xff\xfe', b'\xfe\xff')):
         data = data.decode('utf-16', errors='replace').encode()
     data = data.removeprefix(b'\xef\xbb\xbf')
-    return data.replace(b'\r', b'\n') if b'\r' in data and b'\n' not in data else data
+    return data.replace(b'\r\n', b'\n').replace(b'\r', b'\n') if b'\r' in data else data
 
 
 def _told_of(text: bytes) -> str:

@@ -85,6 +85,8 @@ def parse_table(text: bytes, columns: int | None = None, separator: str = '') ->
 def _read_slowly(text: bytes, spans: np.ndarray, out: np.ndarray) -> None:
     for begin, end, row, column in spans.tolist():
         try:
+            if b'_' in text[begin:end]:  # Python's float takes 1_000
+                raise ValueError
             out[row, column] = float(text[begin:end])
         except ValueError:
             changed = _FORTRAN.sub(rb'\1e\2', text[begin:end])

@@ -126,7 +126,7 @@ def test_lost_digits_of_half_floats_and_few_degrees(tmp_path):
     assert 'look like degrees' in read(tmp_path, 'degrees.npy', saved(degrees))[1]
 
 
-@pytest.mark.parametrize('text', ['{"x": [1, 2]}\n', '<html>\n<body>404</body></html>\n'])
+@pytest.mark.parametrize('text', ['{"x": [1, 2]}\n', '(1, 2)\nno points\n'])
 def test_a_text_without_points(tmp_path, text):
     with pytest.raises(SceneError, match='holds no points; no line holds numbers') as error:
         read(tmp_path, 'a.txt', text)
@@ -140,3 +140,120 @@ def test_what_is_no_file(tmp_path):
     for name, told in (('folder.ply', 'a folder'), ('pipe.xyz', 'a device'), ('loop.xyz', 'no such file')):
         with pytest.raises(SceneError, match=told):
             read_scan(tmp_path / name)
+
+
+def ply(kinds, body, rows=2, before='', after=''):
+    properties = ''.join(f'property {kind}\n' for kind in kinds)
+    return f'ply\nformat {before}element vertex {rows}\n{properties}{after}end_header\n'.encode() + body
+
+
+def pcd(kinds, body, rows=2, data='ascii', shape=''):
+    fields, types, sizes = zip(*(kind.split(':') for kind in kinds), strict=True)
+    lines = [f'FIELDS {" ".join(fields)}', f'TYPE {" ".join(types)}', f'SIZE {" ".join(sizes)}', shape or '#']
+    return '\n'.join([*lines, f'POINTS {rows}', f'DATA {data}', '']).encode() + body
+
+
+FLOATS = ('float x', 'float y', 'float z')
+PLACE = ('x:F:4', 'y:F:4', 'z:F:4')
+NUMBERS = np.arange(1, 10, dtype='<f4').tobytes()
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'told'),
+    [
+        ('a.txt', b'PK\x03\x04' + b'1 2 3\n', r'is a zip archive, not \.txt; unpack it first'),
+        ('a.bin', b'\x1f\x8b\x08\x08' + NUMBERS, r'is a gzip archive, not \.bin; unpack it first'),
+        ('a.las', b'version https://git-lfs.github.com/spec/v1\n', 'is a pointer of Git LFS, not .las; fetch'),
+        ('a.laz', b'<!DOCTYPE html><html>', 'is a web page'),
+        ('a.txt', ply(FLOATS, b'1 2 3\n' * 2, before='ascii 1.0\n'), r'is a PLY file, not \.txt; name it \.ply'),
+        ('a.bin', saved(np.zeros((9, 4), np.float32)), r'is an array of numpy, not \.bin; name it \.npy'),
+        ('a.npy', b'PK\x03\x04', 'is a zip archive'),
+        ('a.txt', '412,345.67 5,123,456.78 120.5\n', r"line 1: '412,345\.67' seems to have commas between thousands"),
+        ('a.txt', 'x\ty\tz\n412,345\t5,123,456\t120\n', "line 2: '412,345' seems to have commas between thousands"),
+        ('a.txt', '1_000 2 3\n', "'1_000' is not a number"),
+        ('a.ply', ply(FLOATS, NUMBERS * 2, 1, 'ascii 1.0\nelement vertex 1\nproperty int x\n'), 'several elements'),
+        ('a.pcd', pcd(PLACE, b'1 2 3\n' * 2, shape='WIDTH 3\nHEIGHT 3'), 'POINTS 2, but WIDTH 3 and HEIGHT 3'),
+        ('a.pcd', pcd(PLACE, b'', rows=0), 'holds no points'),
+        ('a.bin', np.c_[points(), points()[:, :3]].astype('<f4').tobytes(), 'looks like 7 float32 a point; expected 4'),
+        ('a.npy', saved(np.array([[1, 'a', 2]], dtype=object)), 'holds Python objects, which are never read'),
+    ],
+)  # fmt: skip
+def test_what_it_is_and_what_to_do(tmp_path, name, content, told):
+    with pytest.raises(SceneError, match=told):
+        read(tmp_path, name, content)
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'told'),
+    [
+        ('a.ply', ply(FLOATS, NUMBERS, before='binary_little_endian 1.0\n'), 'element vertex 2, but 12 bytes follow'),
+        ('a.ply', ply(FLOATS, b'1 2 3\n4 5 6\n7 8 9\n', before='ascii 1.0\n'), 'element vertex 2, but 5 bytes follow'),
+        ('a.pcd', pcd(PLACE, NUMBERS, data='binary'), 'says POINTS 2, but 12 bytes follow'),
+        ('a.txt', 'x y z label class\n1 2 3 70 1\n4 5 6 71 2\n7 8 9 72 2\n', "both 'label' and 'class' could be"),
+        ('a.txt', 'x y z label class\n1 2 3 70 1\n4 5 6 71 1\n', ''),
+        ('a.txt', 'x y z label class\n1 2 3 70 7\n4 5 6 71 5\n', ''),
+        ('a.txt', b'1 2 3\r\n4 5 6\r7 8 9\n', ''),
+        ('a.ply', ply(FLOATS, b'1 2 3\n4 5 6\n3 0 1 1\n', before='ascii 1.0\n',
+                      after='element face 1\nproperty list uchar int i\n'), ''),
+        ('a.txt', '1,2.5,3 100,200,250\n4,5.5,6 1,2,3\n', ''),
+    ],
+)  # fmt: skip
+def test_points_and_what_is_said_of_them(tmp_path, name, content, told):
+    scan, said = read(tmp_path, name, content)
+    assert scan.cloud.xyz[:2, 2].tolist() == [3, 6]
+    assert told in said and bool(told) == bool(said)
+
+
+def test_eight_numbers_a_point_may_be_four_in_a_pattern(tmp_path):
+    eight = np.c_[points(), points(500)[:, ::-1] * 9].astype('<f4')
+    assert 'looks like 8 float32 a point' in read(tmp_path, 'a.bin', eight.tobytes())[1]
+
+
+@pytest.mark.parametrize(
+    ('kind', 'numbers', 'red'),
+    [
+        ('rgb:F:4', ('16711680', '65280'), [1, 0]),  # the number that should be in the bits
+        ('rgb:F:4', ('2.3418052e-38', '9.147676e-41'), [1, 0]),
+        ('rgb:U:4', ('16711680', '65280'), [1, 0]),
+    ],
+)
+def test_packed_colours(tmp_path, kind, numbers, red):
+    scan, said = read(tmp_path, 'a.pcd', pcd((*PLACE, kind), ''.join(f'1 2 3 {n}\n' for n in numbers).encode()))
+    assert scan.cloud.colors[:, 0].tolist() == red and said == ''
+
+
+def test_colours_that_text_lost(tmp_path):
+    body = b'1 2 3 nan\n1 2 3 2.3418052e-38\n'
+    scan, said = read(tmp_path, 'a.pcd', pcd((*PLACE, 'rgb:F:4'), body))
+    assert scan.cloud.colors[:, 0].tolist() == [0, 1] and 'colors: 1 of 2 points are NaN' in said
+
+
+def test_arrays_of_an_archive(tmp_path):
+    def told(**arrays):
+        np.savez(tmp_path / 'a.npz', **arrays)
+        return read_scan(tmp_path / 'a.npz', labels=True)
+
+    xyz = points()[:, :3]
+    upper = told(X=xyz[:, 0], Y=xyz[:, 1], Z=xyz[:, 2], note=np.array(['a'] * 500))
+    np.testing.assert_array_equal(upper.cloud.xyz, xyz.astype(np.float32))
+    assert told(XYZ=xyz, colors=np.full((500, 4), [255, 0, 0, 7])).cloud.colors[0].tolist() == [1, 0, 0]
+    with pytest.raises(SceneError, match=r'label: shape \(500, 3\); expected 1 number'):
+        told(xyz=xyz, label=np.zeros((500, 3), int))
+    with pytest.raises(SceneError, match='x is there already, in another array'):
+        told(xyz=xyz, x=xyz[:, 0])
+    with pytest.raises(SceneError, match="array 'meta': it holds Python objects"):
+        told(xyz=xyz, meta=np.array({}, dtype=object))
+
+
+def test_las_whose_header_does_not_fit(tmp_path):
+    laspy = pytest.importorskip('laspy')
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version='1.4'))
+    las.x, las.y, las.z = points()[:, :3].T
+    las.write(tmp_path / 'good.las')
+    good = (tmp_path / 'good.las').read_bytes()
+    with pytest.raises(SceneError, match='400 points, but the header says 500; cut off?'):
+        read(tmp_path, 'cut.las', good[: -100 * las.point_format.size])
+    with pytest.raises(SceneError, match='scales 0 0.01 0.01 in the header'):
+        read(tmp_path, 'flat.las', good[:131] + bytes(8) + good[139:])
+    centre = saved(np.array([[1e15, 1e15, 1.0]]))
+    assert 'are float64, in steps of 0.125 m: digits are lost; subtract an offset' in read(tmp_path, 'a.npy', centre)[1]

@@ -173,7 +173,7 @@ def test_bad_files_are_named(tmp_path):
     assert 'expected numbers' in message('c.txt', b'1 2 3\n1 two 3\n')
     assert 'no column x, got 0 1; name the columns' in message('d.txt', b'1 2\n')
     np.savez(tmp_path / 'b.npz', depth=XYZ)
-    assert "holds ['depth']" in message('b.npz')
+    assert 'holds depth; expected xyz' in message('b.npz')
     np.savez(tmp_path / 'c.npz', xyz=XYZ, colors=RGB[:1])
     assert 'colors: shape (1, 3), but xyz has shape (2, 3)' in message('c.npz')
     np.save(tmp_path / 'd.npy', np.array([{'a': 1}], dtype=object))
