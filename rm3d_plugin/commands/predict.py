@@ -11,6 +11,8 @@ from rm3d_plugin.inference.predict_formats import FORMATS
 from rm3d_plugin.inference.predict_points import PointOptions
 from rm3d_plugin.storage.columns import ENDINGS
 
+FEWEST = 1000  # points of a chunk: with fewer, a scan takes hours
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Read the arguments and predict."""
@@ -73,7 +75,9 @@ def _parser() -> argparse.ArgumentParser:
     points.add_argument('--flip', choices=['none', 'both'], help='both: each direction mirrored, too')
     points.add_argument('--chunk', type=METRES, metavar='METRES', help='predict in chunks of this edge')
     points.add_argument(
-        '--max-points', type=whole(), help='predict in chunks of at most so many points; default 1000000'
+        '--max-points',
+        type=whole(FEWEST),
+        help=f'predict in chunks of at most so many points, {FEWEST} or more; default 1000000',
     )
     points.add_argument(
         '--unknown-below', type=SHARE, default=0.0, metavar='GAMMA', help='points less certain than this are unknown'

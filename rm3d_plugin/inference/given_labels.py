@@ -14,6 +14,7 @@ from rm3d_plugin.storage.columns import read_columns
 from rm3d_plugin.storage.scans import read_cloud
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
+MOST_CLASSES = 1000  # time and memory grow with them
 LAS_UNLABELLED = (0, 1)  # LAS classification: never classified; looked at, no class
 MOST = 2**31 - 1  # a label is written as a number of 32 bits
 EXAMPLES = 5  # names that an error lists
@@ -56,7 +57,7 @@ def clicked_labels(path: Path, scans: Sequence[Path], columns: str | None = None
 
     Raises:
         ClickFileError, BudgetError: The file cannot be used, or a click is on no point of its scan.
-        ConfigError: It names a scan that is not there, or labels points of fewer than two classes.
+        ConfigError: It names a scan that is not there, or labels points of fewer than two classes or absurdly many.
         SceneError: A scan cannot be read.
     """
     names = click_classes(path)
@@ -92,7 +93,8 @@ def field_labels(
         unlabelled: Values that say nothing, beside NaN, negative ones, and 0 and 1 of LAS's ``classification``.
 
     Raises:
-        ConfigError: A scan has no such field, or all together have labels of fewer than two classes there.
+        ConfigError: A scan has no such field, or all together have labels of fewer than two classes there, or of
+            more than are possible.
         SceneError: A scan cannot be read, or the field holds no whole numbers.
     """
     raw: dict[str, Int[np.ndarray, ' points']] = {}
@@ -114,6 +116,10 @@ def _check_classes(scans: Sequence[Path], where: str, classes: set[int]) -> None
         raise ConfigError(
             f'{where}: labels points of {len(classes)} {"class" if len(classes) == 1 else "classes"} of {names}; '
             'expected at least two: label a point of each class'
+        )
+    if len(classes) > MOST_CLASSES:
+        raise ConfigError(
+            f'{where}: {len(classes)} classes; expected at most {MOST_CLASSES}: are these numbers of points?'
         )
 
 

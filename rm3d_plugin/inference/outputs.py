@@ -16,10 +16,13 @@ def check_targets(targets: Iterable[Path], inputs: Iterable[Path], out: Path) ->
         out: What the user named, for the message.
 
     Raises:
-        ConfigError: A target is an input: by its path, through a link, or as another name of the same file.
+        ConfigError: A target is an input: by its path, through a link, or as another name of the same file; or
+            a folder is in its place.
     """
     read = {_identity(path): path for path in inputs}
     for target in targets:
+        if target.is_dir():
+            raise ConfigError(f'--out {out}: {target} is a folder, where a file is to be written; name another place')
         if (path := read.get(_identity(target))) is not None:
             raise ConfigError(f'--out {out}: {target.name} would be written over the input {path}; name another place')
 

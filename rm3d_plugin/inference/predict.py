@@ -11,7 +11,7 @@ from rm3d_plugin.inference.predict_formats import main_file, output_name
 from rm3d_plugin.inference.predict_points import PointOptions, Segmenter, predict_points
 from rm3d_plugin.inference.trained import load_network
 from rm3d_plugin.models.segmentors import RM3DSegmentor
-from rm3d_plugin.storage.columns import ENDINGS
+from rm3d_plugin.storage.columns import ENDINGS, split_names
 
 OF_BOTH = ('format', 'columns', 'intensity_range', 'nan_points')  # options of points that boxes have, too
 
@@ -40,17 +40,18 @@ def predict_files(
     Raises:
         SceneError, ConfigError: A scan, the checkpoint or an option cannot be used; files already written stay.
     """
+    if options is not None and options.columns is not None:
+        split_names(options.columns)
     check_folder(out)
+    files = find_scans(scans, ENDINGS)
     network = load_network(checkpoint, device)
     if isinstance(network.model, RM3DSegmentor):
         options = options or PointOptions()
-        files = find_scans(scans, ENDINGS)
         check_names(files, [output_name(scan, options.format) for scan in files])
         check_targets([out / main_file(scan, options.format) for scan in files], [*files, Path(checkpoint)], out)
         yield from predict_points(Segmenter.from_network(network, options), files, out, min_score or 0.0)
         return
     boxes = _box_options(checkpoint, options)
-    files = find_scans(scans, ENDINGS)
     check_names(files, [scan.stem for scan in files])
     calibrations = [found for scan in files if (found := calib_beside(scan)) is not None]
     targets = [target for scan in files for target in box_targets(scan, out, boxes)]
@@ -70,10 +71,14 @@ def find_scans(paths: Sequence[Path], endings: Sequence[str]) -> list[Path]:
     """The named files, and of folders those with one of the endings, sorted.
 
     Raises:
-        ConfigError: There are none.
+        ConfigError: There are none, or one that is named is not there or of no such kind.
     """
     found: list[Path] = []
     for path in paths:
+        if not path.exists():
+            raise ConfigError(f'{path}: no such file or folder')
+        if not path.is_dir() and path.suffix.lower() not in endings:
+            raise ConfigError(f'{path}: unknown ending {path.suffix!r}; expected one of {" ".join(endings)}')
         inside = sorted(path.iterdir()) if path.is_dir() else [path]
         found += [file for file in inside if not path.is_dir() or file.suffix.lower() in endings]
     if not found:

@@ -136,6 +136,8 @@ def class_number(where: str, text: str, classes: Sequence[str]) -> int:
     Raises:
         ClickFileError: There is no such class.
     """
+    if not text:
+        raise ClickFileError(f'{where}: class: is empty; name one, or take the line out')
     if (number := class_index(text, classes)) is not None:
         return number
     if text.isdecimal() and len(text) < 9 and int(text) < len(classes):

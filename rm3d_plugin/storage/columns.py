@@ -50,6 +50,7 @@ ENDINGS = (
     '.bin', '.csv', '.e57', '.las', '.laz', '.npy', '.npz', '.pcd', '.ply', '.pts', '.ptx', '.txt', '.xyz',
     '.xyz_label_conf',
 )  # fmt: skip
+_SELF_NAMED = ('.e57', '.las', '.laz', '.pcd', '.ply', '.pts', '.ptx')
 _NUMBERS = 'iufb'  # kinds of numpy
 _LISTED = 12  # names in a message
 _MANY = 100  # columns that are rather points
@@ -78,6 +79,12 @@ def read_columns(path: str | Path, names: str | None = None) -> dict[str, np.nda
         raise SceneError(f'{path}: unknown ending {path.suffix!r}; expected one of {" ".join(ENDINGS)}')
     if not path.is_file():
         raise SceneError(f'{path}: {"is no file but a folder or a device" if path.exists() else "no such file"}')
+    if names and path.suffix.lower() in _SELF_NAMED:
+        warnings.warn(
+            f'{path}: columns={names!r} is of no effect: the file has names of its own; to say which plays which part, '
+            "columns=dict(label='NAME'), say",
+            stacklevel=3,
+        )
     try:
         check_signature(path)
         columns = readers[path.suffix.lower()](path, names)
@@ -308,13 +315,14 @@ def _npz(path: Path, names: str | None) -> dict[str, np.ndarray]:
 
 def _by_name(arrays: Mapping[str, np.ndarray], path: Path, names: str | None) -> dict[str, np.ndarray]:
     """Columns of named arrays of one or more numbers a point."""
-    lower = {name.lower(): name for name in reversed(arrays)}
+    lower = {name.lower(): name for name in reversed(list(arrays))}
     first = next((lower[name] for name in ('xyz', 'points', 'pos', 'coord', 'coords', 'x') if name in lower), None)
     if first is None:
         raise SceneError(
             f'{path}: holds {listed(sorted(arrays))}; expected xyz (N, 3), points (N, 3 or more), or x, y, z'
         )
-    rows, out = arrays[first].shape[:1], {}
+    rows = arrays[first].shape[:1]
+    out: dict[str, np.ndarray] = {}
     for name, values in arrays.items():
         known = name.lower() in _BLOCKS or name.lower() in _ALIASED
         if values.shape[:1] != rows or values.ndim not in (1, 2):

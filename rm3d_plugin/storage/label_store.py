@@ -159,7 +159,7 @@ class LabelStore:
         """
         try:
             return self._read_current()
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
         except DamagedFileError as error:
             if not self.rounds():

@@ -74,7 +74,7 @@ def test_a_wrong_config_is_told_before_torch_is_imported(command):
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        ('predict a.pth b.ply --out c --max-points 0', '--max-points: expected a whole number from 1, got 0'),
+        ('predict a.pth b.ply --out c --max-points 1', '--max-points: expected a whole number from 1000, got 1'),
         ('predict a.pth b.ply --out c --chunk -1', '--chunk: expected metres above 0, got -1'),
         ('predict a.pth b.ply --out c --unknown-below 3', '--unknown-below: expected a share from 0 to 1, got 3'),
         ('predict a.pth b.ply --out c --intensity-range 5 1', '--intensity-range: expected LOW below HIGH'),

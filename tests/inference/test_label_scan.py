@@ -140,6 +140,10 @@ def test_classification_of_las_knows_two_values_that_mean_unlabelled(tmp_path):
     [
         (['corner,0,floor', 'hall,1,wall'], "clicks.csv line 3: scene 'hall' is none of the scans: corner"),
         (['corner,0,floor', 'corner,1,floor'], 'labels points of 1 class of corner.ply; expected at least two'),
+        (
+            [f'corner,{i},c{i}' for i in range(1001)],
+            '1001 classes; expected at most 1000: are these numbers of points?',
+        ),
         (['corner,0,floor', 'corner,1800,wall'], 'has the points 0..1799, got index 1800'),
         (['corner,0,floor', 'corner,0,wall'], 'has another label'),
     ],

@@ -299,8 +299,19 @@ def test_what_cannot_be_done_is_told_before_anything_is_predicted(checkpoint, tm
         list(predict_files(checkpoint, [scan, tmp_path / 'b'], tmp_path / 'out'))
     with pytest.raises(ConfigError, match='no .bin file in'):
         find_scans([tmp_path / 'b'], ['.bin'])
-    with pytest.raises(SceneError, match='a.obj: unknown ending'):
-        run(checkpoint, tmp_path / 'a.obj', tmp_path / 'out')
+    (tmp_path / 'a.obj').touch()
+    (tmp_path / 'full' / 'a.ply').mkdir(parents=True)
+    for wrong, told in (
+        ([scan, tmp_path / 'b.ply'], 'b.ply: no such file'),
+        ([scan, tmp_path / 'a.obj'], "a.obj: unknown ending '.obj'"),
+    ):
+        with pytest.raises(ConfigError, match=told):
+            list(predict_files(checkpoint, wrong, tmp_path / 'out'))
+    with pytest.raises(ConfigError, match='full.a.ply is a folder, where a file is to be written'):
+        run(checkpoint, scan, tmp_path / 'full')
+    with pytest.raises(SceneError, match='columns: expected x y z'):
+        run(checkpoint, scan, tmp_path / 'out', columns='x y')
+    assert not (tmp_path / 'out').exists()
 
 
 def test_labels_of_the_run_stay_where_there_are_some(checkpoint, tmp_path):

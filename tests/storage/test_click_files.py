@@ -74,7 +74,7 @@ def test_written_clicks_come_back(tmp_path, name):
         ('scene,x,y,z,class\ns,1,,0,wall\n', 'line 2: expected an index or x, y and z'),
         ('scene,index,class\n,1,wall\n', 'line 2: no scene'),
         ('scene,index,class\ns,,wall\n', 'line 2: expected an index'),
-        ('scene,index,class\ns\n', "line 2: class: expected .* got ''"),
+        ('scene,index,class\ns\n', 'line 2: class: is empty; name one'),
         ('scene,index,class,instance\ns,1,wall,two\n', 'line 2: instance'),
         (f'scene,index,class\ns,{10**30},wall\n', 'line 2: index: expected a whole number'),
         (f'scene,index,class,instance\ns,1,wall,{10**400}\n', 'line 2: instance: expected a whole number'),
