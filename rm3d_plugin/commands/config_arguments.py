@@ -29,13 +29,13 @@ def add_config_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def check_config(args: argparse.Namespace) -> None:
-    """Look at the arguments before anything that takes long is imported.
+def check_config(args: argparse.Namespace) -> Config:
+    """Look at the arguments before anything that takes long is imported; what it returns lacks what is measured.
 
     Raises:
         ConfigError: As :func:`config_of`, but for demo data.
     """
-    load_config(args.config, args.work_dir, args.demo, args.cfg_options)
+    return load_config(args.config, args.work_dir, args.demo, args.cfg_options)
 
 
 def config_of(args: argparse.Namespace) -> Config:

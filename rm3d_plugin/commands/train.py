@@ -24,18 +24,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--local_rank', '--local-rank', type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args(arguments)
     os.environ.setdefault('LOCAL_RANK', str(args.local_rank))
-    check_config(args)
+    work_dir = Path(check_config(args).work_dir)
 
     from mmengine.dist import is_main_process  # torch takes seconds; a wrong config is told before
 
     from rm3d_plugin.engine.distributed import joined_processes
     from rm3d_plugin.engine.hooks.run_record_hook import final_records, last_summary, read_record
     from rm3d_plugin.engine.run import DEMO_NOTE, train
-    from rm3d_plugin.engine.work_dir import check_folder
+    from rm3d_plugin.engine.work_dir import check_folder, choose_checkpoint
     from rm3d_plugin.reporting.scores import final_text
 
-    if args.work_dir:
-        check_folder(Path(args.work_dir), '--work-dir')
+    check_folder(work_dir, '--work-dir')
+    if not args.resume:
+        choose_checkpoint(work_dir, resume=False, overwrite=args.overwrite)  # before demo data are made
     with joined_processes(args.launcher):
         config = config_of(args)
         work_dir = train(config, args.resume, args.amp, args.launcher, args.overwrite, args.add_clicks)

@@ -270,6 +270,10 @@ def _import_custom_modules(config: Config) -> None:
         return
     try:
         import_modules_from_strings(**config.custom_imports)
+    except TypeError as error:
+        raise ConfigError(
+            f"custom_imports: expected dict(imports=['MODULE']), got {config.custom_imports!r}"
+        ) from error
     except ImportError as error:
         raise ConfigError(
             f'custom_imports: {error}; install the package, or set PYTHONPATH to the folder that holds it'

@@ -17,8 +17,9 @@ def config_errors(config: Config) -> Iterator[None]:
     """Turn what a wrong type or setting raises while parts are built into a :class:`ConfigError`.
 
     A part refuses what it is given by a ValueError or an AssertionError, and mmengine and torch by any error. A
-    TypeError, KeyError or AttributeError counts only where it comes from a constructor, which is where settings arrive;
-    deeper in our code it is a fault of the program and stays what it is, traceback and all.
+    TypeError, KeyError or AttributeError counts only where it comes from a constructor, which is where settings arrive,
+    or from a function that hands its numbers on from there; deeper in our code it is a fault of the program and stays
+    what it is, traceback and all.
     """
     try:
         yield
@@ -27,8 +28,9 @@ def config_errors(config: Config) -> Iterator[None]:
     except (ValueError, AssertionError) as error:
         raise _mendable(config, error) from error
     except (TypeError, KeyError, AttributeError) as error:
-        place = _innermost(error)
-        if place is None or place.f_code.co_name in CONSTRUCTORS or UNEXPECTED in str(error):
+        places = _innermost(error)
+        place = next((frame for frame in places if frame.f_code.co_name in CONSTRUCTORS), None)
+        if not places or place is not None or UNEXPECTED in str(error):
             raise _mendable(config, error, place) from error
         raise
 
@@ -37,11 +39,11 @@ CONSTRUCTORS = ('__init__', '__post_init__', 'check_field', 'check_positive', 'a
 UNEXPECTED = 'got an unexpected keyword argument'
 
 
-def _innermost(error: Exception) -> FrameType | None:
-    """The frame of our package that is nearest to an error, below the block that builds; None: there is none."""
+def _innermost(error: Exception) -> list[FrameType]:
+    """The frames of our package nearest to an error, below the block that builds: of TypeErrors the innermost two."""
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)][2:]  # config_errors, and who uses it
     ours = [frame for frame in frames if Path(frame.f_code.co_filename).is_relative_to(PACKAGE)]
-    return ours[-1] if ours else None
+    return ours[: -3 if isinstance(error, TypeError) else -2 : -1]
 
 
 def _mendable(config: Config, error: Exception, place: FrameType | None = None) -> ConfigError:

@@ -13,10 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.config import ConfigError, load_config
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import latest_checkpoint
-from rm3d_plugin.experiments.run_commands import option_texts, split_options, test_command, train_command
+from rm3d_plugin.experiments.run_commands import option_texts, parse_options, split_options, test_command, train_command
 from rm3d_plugin.experiments.spec import DEMO, Request, Row
 from rm3d_plugin.experiments.warm_start import WarmStart
 from rm3d_plugin.storage import content_key, read_json, write_json
@@ -120,12 +120,14 @@ def run_rows(rows: Sequence[Row], request: Request, commands: Commands | None = 
         commands: What trains and tests.
 
     Raises:
-        ConfigError: A run was made with other options, or is to be tested but never trained, before anything starts;
-            or some runs failed, after all others ended: their logs are named.
+        ConfigError: A run was made with other options, is to be tested but never trained, or does not know an option,
+            before anything starts; or some runs failed, after all others ended: their logs are named.
     """
     runs = plan(rows, request)
     for run in runs:
         _check(run)
+    if commands is None:
+        _check_options([run for run in runs if not run.is_finished])
     todo = sum((not run.is_trained) + bool(run.tests and not run.is_finished) for run in runs)
     _Runner(request, commands or Commands(), todo).run_all(runs)
 
@@ -145,6 +147,25 @@ def _check(run: Run) -> None:
     different = [f'{key} {found[key]!r}, not {asked.get(key)!r}' for key in found if found[key] != asked.get(key)]
     if different:
         raise ConfigError(f'{run.folder}: was made with {"; ".join(different)}; name another --out, or delete it')
+
+
+def _check_options(runs: Sequence[Run]) -> None:
+    """Resolve the configs of runs as their commands will; seeds apart, each once."""
+    seen = set()
+    for run in runs:
+        tests: list[Mapping[str, str]] = [{**run.options, **test} for test in run.tests.values()]
+        for options in [*([run.options] if run.arguments is not None else []), *tests]:
+            asked = (run.config, run.arguments or (), tuple(sorted(options.items())))
+            if asked not in seen:
+                seen.add(asked)
+                _resolve(run, options)
+
+
+def _resolve(run: Run, options: Mapping[str, str]) -> None:
+    try:
+        load_config(run.config, run.folder, '--demo' in (run.arguments or ()), parse_options(options))
+    except ConfigError as error:
+        raise ConfigError(f'{run.folder}: {error}; nothing was begun') from error
 
 
 class _Runner:

@@ -9,6 +9,8 @@ from numba import njit
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from rm3d_plugin.structures import SceneError
+
 Array = np.ndarray[Any, Any]
 AXIS_BITS = 17
 BATCH_BITS = 12
@@ -52,8 +54,8 @@ def voxelize(
         The non-empty voxels; the same bits whatever the number of threads.
 
     Raises:
-        ValueError: If shapes disagree, a coordinate is not finite, or a voxel index leaves the packed range
-            (+-64512 voxels from the origin, 4096 scenes).
+        ValueError: If shapes disagree, or there are more than 4096 scenes.
+        SceneError: If a coordinate is not finite, or a voxel lies beyond the packed range, +-64512 from the origin.
     """
     _check_points(points, features, batch_offsets, voxel_size, reduce)
     scenes = torch.repeat_interleave(
@@ -236,7 +238,7 @@ def _check_range(cells: Tensor, voxel_size: float) -> None:
     bad = ~(cells.abs() <= COORDINATE_LIMIT).all(dim=1)
     if bool(bad.any()):
         row = int(bad.nonzero()[0])
-        raise ValueError(
+        raise SceneError(
             f'point {row} lies at voxel {cells[row].tolist()}; each coordinate must be finite and within '
             f'+-{COORDINATE_LIMIT} voxels of {voxel_size} m. Move the scene to a local frame (PointCloud.origin), '
             f'drop invalid points, or use larger voxels.'

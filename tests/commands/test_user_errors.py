@@ -120,6 +120,16 @@ def test_a_work_dir_that_is_a_file_is_told_before_demo_data_are_made(tmp_path, m
     assert [path.name for path in tmp_path.iterdir()] == ['file']
 
 
+def test_a_finished_work_dir_is_told_before_demo_data_are_made(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'run').mkdir()
+    (tmp_path / 'run' / 'epoch_2.pth').touch()
+    (tmp_path / 'run' / 'written_files.txt').write_text('epoch_2.pth\n')
+    assert exit_code(train.main, ['rm3d_sem_scannet_0p2pct', '--demo', '--work-dir', 'run']) == 2
+    assert 'run: holds 1 checkpoints of a run (epoch_2.pth); go on with --resume' in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ['run']
+
+
 def test_links_in_a_circle_are_told(tmp_path):
     loop = tmp_path / 'loop'
     loop.symlink_to(loop)

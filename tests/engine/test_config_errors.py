@@ -7,7 +7,7 @@ from mmengine.registry import DefaultScope
 from rm3d_plugin.datasets import FilesDataset
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.engine.config_errors import config_errors
-from rm3d_plugin.registry import DATASETS, DESCRIPTORS, SCOPE
+from rm3d_plugin.registry import DATASETS, DESCRIPTORS, MODELS, SCOPE
 from rm3d_plugin.storage.files import content_key
 from rm3d_plugin.structures import SceneError
 
@@ -27,6 +27,7 @@ def _own_scope():
         (lambda: DESCRIPTORS.build({'type': 'FPFH', 'radius': -1}), 'mine: FPFH: expected'),
         (lambda: DESCRIPTORS.build({'type': 'FPFH', 'foo': 1}), "mine: .*unexpected keyword argument 'foo'"),
         (lambda: DATASETS.build({'type': 'FilesDataset', 'data_root': 5}), r'mine: FilesDataset: a value of the wrong'),
+        (lambda: MODELS.build({'type': 'SparseUNet', 'in_channels': 5, 'widths': [8.5, 16]}), 'mine: .*got float'),
         (lambda: DATASETS.build({'type': 'FilesDataset', 'data_root': '.', 'split': 'x'}), 'mine: split: expected one'),
     ],
 )

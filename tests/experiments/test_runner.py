@@ -82,6 +82,19 @@ def test_a_run_made_with_other_options_is_not_taken(asked):
     run_rows([A], replace(request, options=('sigma=2', 'threads=1')), FAKE)
 
 
+def test_an_option_that_one_row_does_not_read_is_told_before_any_trains(asked):
+    request, told = asked
+    rows = [
+        Row('points', 'rm3d_sem_scannet_0p2pct'),
+        Row('regions', 'rm3d_sem_scannet_0p2pct', {'strategy': 'regions'}),
+    ]
+    with pytest.raises(ConfigError, match=r'0p2pct_strategy-regions_seed0: .*walker.*; nothing was begun'):
+        run_rows(rows, replace(request, options=('walker.sigma=0.1',)))
+    with pytest.raises(ConfigError, match='0p2pct_seed0: .*no such key.*; nothing was begun'):
+        run_rows([replace(rows[0], test={'nosuch': 1})], request)
+    assert told == [] and not request.out.exists()
+
+
 def test_a_run_without_a_spec_is_taken_where_its_record_fits(asked):
     request, told = asked
     for seed in (0, 1):

@@ -154,7 +154,9 @@ def test_read_only_folders_are_told(detection, train, tmp_path):
         shutil.copytree(train.world.parent / 'geometry', place / 'geometry')
         remount(place, 'ro')
         assert f'{place / "run"}' in told(train(place / 'run').end())
-        assert f'{place} is read-only; name another folder' in told(train(tmp_path / 'made', cache=place / 'other').end())
+        assert f'{place} is read-only; name another folder' in told(
+            train(tmp_path / 'made', cache=place / 'other').end()
+        )
         code, log = train(tmp_path / 'run', cache=place / 'geometry').end()  # what lies there is enough
         assert code == 0, log
         assert_same_run(tmp_path / 'run', detection.folder)

@@ -1,5 +1,6 @@
 """Made-up scenes in the native formats of real data sets; every one says that it is synthetic."""
 
+import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,11 +33,15 @@ def make_demo(root: str | Path, scenes: str = 'streets', **settings: Any) -> Pat
         settings: Of that maker.
 
     Raises:
-        ValueError: There are no such scenes, or the folder holds what was not made here.
+        ValueError: There are no such scenes or settings, or the folder holds what was not made here.
     """
     if scenes not in DEMO_SCENES:
         raise ValueError(f'demo_data.scenes: expected one of {", ".join(DEMO_SCENES)}, got {scenes!r}')
-    return DEMO_SCENES[scenes](root, **settings)
+    maker = DEMO_SCENES[scenes]
+    known = list(inspect.signature(maker).parameters)[1:]
+    if strange := sorted(set(settings) - set(known)):
+        raise ValueError(f'demo_data.{strange[0]}: no such setting of {scenes}; expected some of {", ".join(known)}')
+    return maker(root, **settings)
 
 
 __all__ = [

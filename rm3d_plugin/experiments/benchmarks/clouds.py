@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
+from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.ops.morton import morton_order
 
 Order = Literal['random', 'morton']
@@ -46,7 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser, points: int = 100_000) -> Non
 
 
 def from_arguments(args: argparse.Namespace) -> Room:
-    """The room that the options describe."""
+    """The room that the options describe.
+
+    Raises:
+        ConfigError: It would hold no points.
+    """
+    if args.points < 1 or not args.neighbors > 0:
+        raise ConfigError(f'--points, --neighbors: expected numbers above 0, got {args.points}, {args.neighbors:g}')
     return room(args.points, args.neighbors, args.order)
 
 
