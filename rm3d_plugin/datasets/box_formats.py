@@ -41,8 +41,8 @@ _NO_OBJECT = ('DontCare',)
 def _number(value: object, where: str, name: str) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise BoxFileError(f'{where}: {name} is {value!r}, expected a number; correct or remove the box') from None
+    except (TypeError, ValueError, OverflowError):
+        raise BoxFileError(f'{where}: {name} is {value!r:.40}, expected a number; correct or remove the box') from None
     if not np.isfinite(number):
         raise BoxFileError(f'{where}: {name} is {value!r}, expected a finite number; correct or remove the box')
     return number

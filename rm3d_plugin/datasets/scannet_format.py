@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from rm3d_plugin.storage.files import read_json
+from rm3d_plugin.storage.files import MALFORMED, read_json
 from rm3d_plugin.storage.ply import read_ply
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
@@ -122,7 +122,7 @@ def read_aggregation(path: Path) -> list[Group]:
     for number, item in enumerate(_json_field(path, 'segGroups', 'the annotated objects')):
         try:
             groups.append(Group(str(item['label']), tuple(int(segment) for segment in item['segments'])))
-        except (TypeError, KeyError, ValueError) as error:
+        except MALFORMED as error:
             raise SceneError(
                 f'{path}: segGroups[{number}]: expected label and segments, got {item!r:.80} ({error})'
             ) from error

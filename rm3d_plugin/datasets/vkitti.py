@@ -1,6 +1,5 @@
 """vKITTI 3D (point clouds of Virtual KITTI for semantic segmentation) in its native layout."""
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -11,6 +10,7 @@ from jaxtyping import Float
 from rm3d_plugin.datasets.base import check_choice, not_found
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes, make_cloud
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.npy import read_npy
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
 CLASSES = (
@@ -125,13 +125,12 @@ def read_frame(path: Path) -> Float[np.ndarray, 'points 7']:
     if not path.is_file():
         raise SceneError(f'{path}: no such file; expected rows of x y z r g b label')
     try:
-        table = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
+        table = read_npy(path)
+    except Exception as error:  # a damaged file shows as anything from EOFError to tokenize.TokenError
         raise SceneError(f'{path}: not readable as .npy ({error}); copy it again') from error
-    numbers = isinstance(table, np.ndarray) and np.issubdtype(table.dtype, np.number)
-    if not numbers or table.ndim != 2 or table.shape[1] != 7:
+    if not np.issubdtype(table.dtype, np.number) or table.ndim != 2 or table.shape[1] != 7:
         raise SceneError(
-            f'{path}: expected numbers of shape (N, 7), x y z r g b label, got {getattr(table, "shape", "")}'
+            f'{path}: expected numbers of shape (N, 7), x y z r g b label, got {table.shape} of {table.dtype}'
         )
     if len(table) == 0:
         raise SceneError(f'{path}: holds no points; leave the frame out')

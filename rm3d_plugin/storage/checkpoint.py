@@ -43,11 +43,13 @@ def check_whole(path: Path) -> None:
     """Compare a checkpoint with the checksums that torch keeps beside each of its tensors.
 
     Raises:
-        ConfigError: It is cut off or altered.
+        ConfigError: It is cut off or altered, or may not be read.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             damaged = archive.testzip()
+    except PermissionError as error:
+        raise ConfigError(f'{path}: cannot be read ({error.strerror})') from error
     except (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
         raise ConfigError(
             f'{path}: not a checkpoint that loads safely ({type(error).__name__}: {error}); cut off or foreign'

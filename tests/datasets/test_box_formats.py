@@ -100,6 +100,8 @@ def test_a_bad_object_is_told_with_file_object_and_field(tmp_path):
     read = BOX_FORMATS['labelcloud_rel'].read
     with pytest.raises(BoxFileError, match='object 1: height is -1 m'):
         read(centroid(tmp_path / 'a.json', 0, size=(4, 2, -1)), None)
+    with pytest.raises(BoxFileError, match='object 1: .* is 1000000000.*, expected a number'):
+        read(centroid(tmp_path / 'a.json', 0, size=(10**400, 2, 1)), None)
     with pytest.raises(BoxFileError, match='rotation about x is 17.2 degrees; boxes stand upright'):
         read(centroid(tmp_path / 'b.json', 0, tilt=0.3), None)
     with pytest.raises(BoxFileError, match="object 1: expected a field 'centroid', got name"):

@@ -187,6 +187,7 @@ SEGS, AGG, PLY, LAB = '_vh_clean_2.0.010000.segs.json', '.aggregation.json', '_v
         (SEGS, b'{}', 'no list segIndices'),
         (AGG, b'{"segGroups": [', 'not readable as JSON'),
         (AGG, b'{"segGroups": [{"label": "wall"}]}', r'segGroups\[0\]: expected label and segments'),
+        (AGG, b'{"segGroups": [{"label": "wall", "segments": [1e999]}]}', r'segGroups\[0\]: expected label and seg'),
         (AGG, b'{"segGroups": [{"label": "spaceship", "segments": [5]}]}', "label 'spaceship' is not in scannetv2-lab"),
         (LAB, mesh_bytes(), 'vertices have no property label'),
         ('.txt', None, 'expected axisAlignment, or pass align=False'),

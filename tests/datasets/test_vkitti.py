@@ -118,6 +118,9 @@ def test_cut_off_and_missing(tmp_path):
     path.write_bytes(path.read_bytes()[:-9])
     with pytest.raises(SceneError, match='a.npy: not readable as .npy'):
         read_frame(path)
+    path.write_bytes(path.read_bytes().replace(b'fortran_order', b'fortran_order('))
+    with pytest.raises(SceneError, match='a.npy: not readable as .npy'):
+        read_frame(path)
     with pytest.raises(SceneError, match='b.npy: no such file'):
         read_frame(tmp_path / 'b.npy')
     with pytest.raises(DatasetNotFoundError, match="no frame of split 'test'(.|\n)*01/   0001_00000.npy"):
