@@ -39,10 +39,17 @@ def written_files(folder: str | Path) -> list[str]:
     return [name for name in names if name and not os.path.isabs(name) and '..' not in Path(name).parts]
 
 
+def _is_inside(root: Path, name: str) -> bool:
+    """Whether a file of this name, or a link, lies in the folder, and no linked folder leads out of it."""
+    path = root / name
+    there = os.path.isfile(path) or os.path.islink(path)  # unlike Path's, False whatever a damaged name holds
+    return there and real_path(path.parent).is_relative_to(real_path(root))
+
+
 def remove_written(folder: str | Path) -> None:
     """Remove the files of the manifest, then the folders that they leave empty, then the manifest."""
     root = Path(folder)
-    names = written_files(root)
+    names = [name for name in written_files(root) if _is_inside(root, name)]
     for name in names:
         (root / name).unlink(missing_ok=True)
     parents = {parent for name in names for parent in (root / name).parents if parent.is_relative_to(root)} - {root}

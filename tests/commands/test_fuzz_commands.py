@@ -20,6 +20,7 @@ from storage.test_fuzz_stores import written_damaged
 
 from rm3d_plugin.commands.main import run
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.checkpoint import read_checkpoint
 
 CASES = int(os.environ.get('RM3D_FUZZ', '4'))
 RUNS = max(CASES // 20, 1)
@@ -139,6 +140,11 @@ def test_what_a_run_left_is_damaged(trained, call, tmp_path, number):
     print(ended(call('train', *arguments[:at], '--resume', *arguments[at:])))
 
 
+def weights_of(path):
+    """A zip says some of its facts twice: what is damaged may be what nobody reads."""
+    return {name: value.numpy().tobytes() for name, value in read_checkpoint(path)['state_dict'].items()}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('number', range(RUNS))
 def test_a_damaged_checkpoint_is_not_scored(trained, call, tmp_path, number):
@@ -147,4 +153,5 @@ def test_a_damaged_checkpoint_is_not_scored(trained, call, tmp_path, number):
     checkpoint.write_bytes(damaged(good, np.random.default_rng([8, number])))
     settings = tiny_runs.options(trained.parent / 'kitti', **tiny_runs.LEARNT)
     arguments = tiny_runs.arguments_of(settings, tmp_path / 'scored')
-    assert ended(call('test', arguments[0], checkpoint, *arguments[1:])) == 2 or checkpoint.read_bytes() == good
+    code = ended(call('test', arguments[0], checkpoint, *arguments[1:]))
+    assert code == 2 or weights_of(checkpoint) == weights_of(max(trained.glob('epoch_*.pth')))

@@ -13,7 +13,7 @@ from rm3d_plugin.engine.hooks.region_merge_hook import RegionMergeHook
 from rm3d_plugin.evaluation.records import ScoreRecord, records_from, records_of, rows_of
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.storage import content_of, read_sealed, write_sealed
-from rm3d_plugin.structures.label_estimate import ESTIMATE, LabelEstimate, has_estimate
+from rm3d_plugin.structures.label_estimate import ESTIMATE, estimate_text, has_estimate
 
 
 def read_record(work_dir: str | Path) -> dict[str, Any]:
@@ -40,7 +40,7 @@ def _check(record: Mapping[str, Any]) -> None:
     for records in score_records(record).values():
         _numbers([row.value for row in records])
     for number, fields in record['estimates'].items():
-        _numbers([int(number), *(() if fields is None else LabelEstimate(**fields))])
+        int(number), estimate_text({ESTIMATE: fields})
 
 
 def _numbers(values: Iterable[Any]) -> None:
