@@ -27,7 +27,10 @@ def _own_scope():
         (lambda: DESCRIPTORS.build({'type': 'FPFH', 'radius': -1}), 'mine: FPFH: expected'),
         (lambda: DESCRIPTORS.build({'type': 'FPFH', 'foo': 1}), "mine: .*unexpected keyword argument 'foo'"),
         (lambda: DATASETS.build({'type': 'FilesDataset', 'data_root': 5}), r'mine: FilesDataset: a value of the wrong'),
-        (lambda: MODELS.build({'type': 'SparseUNet', 'in_channels': 5, 'widths': [8.5, 16]}), 'mine: .*got float'),
+        (
+            lambda: MODELS.build({'type': 'SparseUNet', 'in_channels': 5, 'widths': [8.5, 16], 'voxel_size': 1}),
+            'mine: .*got float',
+        ),
         (lambda: DATASETS.build({'type': 'FilesDataset', 'data_root': '.', 'split': 'x'}), 'mine: split: expected one'),
     ],
 )
