@@ -143,8 +143,9 @@ def check_data(config: Config, *dataloaders: str) -> None:
             with config_errors(config):
                 dataset = DATASETS.build({**config[name].dataset, 'pipeline': []})
             dataset.find_scenes()
-    if config.get('cache_dir') is not None:
-        check_folder(Path(config.cache_dir), 'cache_dir')
+    cache = config.get('cache_dir')
+    if cache is not None and not Path(cache).is_dir():  # one that is there may hold all there is to read
+        check_folder(Path(cache), 'cache_dir')
 
 
 def build_loops(runner: Runner) -> None:
