@@ -187,3 +187,9 @@ class ClickLog:
             self._size += len(line)
         finally:
             os.close(handle)
+
+
+def default_log(scans: Sequence[Path]) -> Path:
+    """Where the clicks of scans are kept."""
+    first = Path(scans[0])
+    return first.with_name(f'{first.stem}.clicks.jsonl' if len(scans) == 1 else 'clicks.jsonl')

@@ -1,7 +1,8 @@
 """The page in a real browser, on a made-up room and on a real street (`make browser`).
 
-A picture of every step is kept where RM3D_PICTURES names a folder, beside the scan elsewhere. The browser ends after
-`LIFETIME` seconds, whatever it waits for: a page that hangs is a failure with a picture of the step before.
+A picture of every step is kept where RM3D_PICTURES names a folder, beside the scan elsewhere. A page that draws and
+does not answer is a failure; a browser that does not start, or draws too slowly to be done within `LIFETIME` seconds,
+is told and passed over: graphics without a GPU take the whole machine.
 """
 
 import contextlib
@@ -29,10 +30,12 @@ from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # noqa: E402
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 GRAPHICS = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']
-LIFETIME = 100  # seconds of a browser
-PATIENCE = 30  # seconds for one answer
-STARTS = 8  # seconds in which a browser starts; a second without load
+LIFETIME = 130  # seconds of a browser; half of that without load
+PATIENCE = 30  # seconds for one answer, and longer
+FRAMES = 300  # until the page has drawn so many: on a slow machine an answer comes late
+STARTS = 15  # seconds in which a browser starts; a second without load
 DRAWS = "() => !!document.createElement('canvas').getContext('webgl2')"
+COUNTS = 'window.drawn = 0; (function draw() { window.drawn += 1; requestAnimationFrame(draw) })()'
 POINTS = 20_000
 TILE = real_root() / 'oakland' / 'oakland_part3_ap.xyz_label_conf'
 PLACES = [(0.3, 0.4), (0.45, 0.55), (0.65, 0.5), (0.46, 0.41), (0.35, 0.55)]  # of the picture, one a class
@@ -59,17 +62,17 @@ def street(folder):
 def test_in_a_browser(make, tmp_path):
     scan = make(tmp_path)
     classes = [f'{make.__name__} {number}' for number in range(5)]
-    with Session([scan], classes=classes) as session, chromium(tmp_path) as browser, shown(session, tmp_path) as page:
+    with Session([scan], classes=classes) as session, shown(session, tmp_path) as page, chromium(tmp_path) as browser:
         with opened(browser, page, tmp_path) as tab:
             label_five_classes(tab, session)
             accept_a_suggestion(tab, session)
             box_an_object(tab, session)
             tab.picture(f'annotate_{make.__name__}_box')
             tab.get_by_role('button', name='Save').click()
-            assert within(lambda: (tmp_path / 'out' / scan.name).exists())
+            assert within(tab, lambda: 'saved: ' in tab.content())
         expected, annotated = session.settled(scan.stem, check=False), session.scan(scan.stem).annotated
         with opened(browser, page, tmp_path) as tab:  # as after a reload
-            tab.wait_for_selector(f'text={classes[4]}')
+            assert within(tab, lambda: classes[4] in tab.content())
     written = read_ply(tmp_path / 'out' / scan.name)
     np.testing.assert_array_equal(written['label'], expected.semantic)
     np.testing.assert_array_equal(written['region'], expected.region)
@@ -81,7 +84,7 @@ def test_in_a_browser(make, tmp_path):
 
 @contextlib.contextmanager
 def chromium(folder):
-    """A browser for `LIFETIME` seconds; skips where none starts, or where the machine is too busy to draw."""
+    """A browser for `LIFETIME` seconds; skips where none starts, none draws, or its time is over."""
     script = folder / 'chromium'
     script.write_text(f'#!/bin/sh\nexec timeout -s KILL {LIFETIME} {CHROMIUM} "$@"\n')
     script.chmod(0o755)
@@ -96,7 +99,12 @@ def chromium(folder):
         if not draws or took > STARTS:
             browser.close()
             pytest.skip(f'{CHROMIUM} is ready after {took:.0f} s, {"with" if draws else "without"} WebGL')
-        yield browser
+        try:
+            yield browser
+        except playwright.Error as error:
+            if browser.is_connected():
+                raise
+            pytest.skip(f'not done within {LIFETIME} s, too busy a machine: {error}')
         browser.close()
 
 
@@ -113,14 +121,14 @@ def shown(session, folder):
 @contextlib.contextmanager
 def opened(browser, page, folder):
     """A tab in which the page stands; its last picture is kept, and the page must not complain."""
-    tab, complaints = browser.new_page(viewport={'width': 1200, 'height': 800}), []
-    tab.set_default_timeout(1000 * PATIENCE)
+    tab, complaints = browser.new_page(viewport={'width': 1100, 'height': 720}), []
+    tab.set_default_timeout(1000 * LIFETIME)  # what comes late is judged by `within`
+    tab.add_init_script(COUNTS)
     tab.on('console', lambda said: complaints.append(said.text) if said.type == 'error' else None)
     tab.picture = partial(picture, tab, Path(os.environ.get('RM3D_PICTURES', folder)))
     try:
         tab.goto(page.url)
-        tab.wait_for_selector('text=Where to click next')
-        tab.wait_for_selector('canvas')
+        assert within(tab, lambda: 'Where to click next' in tab.content() and tab.locator('canvas').count())
         yield tab
         assert not complaints
     finally:
@@ -142,20 +150,21 @@ def label_five_classes(tab, session):
         click_until(tab, place, lambda number=number: number in given(session))
     count = settled_count(tab, session)
     tab.keyboard.press('Control+z')
-    assert within(lambda: len(session.log.clicks) == count - 1)
+    assert within(tab, lambda: len(session.log.clicks) == count - 1)
     tab.keyboard.press('Control+Shift+Z')
-    assert within(lambda: len(session.log.clicks) == count)
+    assert within(tab, lambda: len(session.log.clicks) == count)
     tab.picture('annotate_classes')
 
 
 def click_until(tab, place, done):
     """Click a place of the picture, and beside it where nothing comes of it, as before the scene stands."""
-    ends = time.monotonic() + PATIENCE
-    for attempt in itertools.count():
-        click_at(tab, np.add(place, 0.01 * (attempt % 9)))
-        if within(done, 5):
-            return
-        assert time.monotonic() < ends
+    attempts = itertools.count()
+
+    def tried():
+        click_at(tab, np.add(place, 0.01 * (next(attempts) % 9)))
+        return soon(tab, done)
+
+    assert within(tab, tried)
 
 
 def given(session):
@@ -176,12 +185,12 @@ def accept_a_suggestion(tab, session):
     """Jump to the place that is suggested, which is then the middle of the picture, and click it."""
     count = len(session.log.clicks)
     tab.keyboard.press(' ')
-    tab.wait_for_selector('text=Click the red ball')
-    assert within(lambda: red(tab, (0.5, 0.5)))
+    assert within(tab, lambda: 'Click the red ball' in tab.content())
+    assert within(tab, lambda: red(tab, (0.5, 0.5)))
     tab.picture(f'annotate_{session.scans[0]}_suggestion')
     tab.keyboard.press('1')
     click_at(tab, (0.5, 0.5))
-    assert within(lambda: len(session.log.clicks) == count + 1)
+    assert within(tab, lambda: len(session.log.clicks) == count + 1)
 
 
 def red(tab, place):
@@ -203,7 +212,7 @@ def box_an_object(tab, session):
     click_until(tab, (0.5, 0.5), lambda: len(session.log.clicks) > count)
     count = settled_count(tab, session)
     tab.keyboard.press('b')
-    assert within(lambda: session.objects.boxes(scan))
+    assert within(tab, lambda: session.objects.boxes(scan))
     box = tab.locator('canvas').first.bounding_box()
     tab.keyboard.down('Shift')
     tab.mouse.move(box['x'] + 0.45 * box['width'], box['y'] + 0.45 * box['height'])
@@ -211,8 +220,7 @@ def box_an_object(tab, session):
     tab.mouse.move(box['x'] + 0.55 * box['width'], box['y'] + 0.55 * box['height'], steps=5)
     tab.mouse.up()
     tab.keyboard.up('Shift')
-    assert within(lambda: len(session.log.clicks) > count)
-    tab.wait_for_timeout(1000)
+    assert within(tab, lambda: len(session.log.clicks) > count)
 
 
 def picture(tab, folder, name):
@@ -221,8 +229,19 @@ def picture(tab, folder, name):
     print(f'picture: {folder / name}.png')
 
 
-def within(done, seconds=PATIENCE):
-    ends = time.monotonic() + seconds
-    while not done() and time.monotonic() < ends:
-        time.sleep(0.1)
+def within(tab, done):
+    """Whether it is done within `PATIENCE` seconds, and before the page has drawn `FRAMES` frames more."""
+    until, drawn = time.monotonic() + PATIENCE, tab.evaluate('window.drawn')
+    while not done():
+        if time.monotonic() > until and tab.evaluate('window.drawn') > drawn + FRAMES:
+            return False
+        tab.wait_for_timeout(100)
+    return True
+
+
+def soon(tab, done):
+    """Whether it is done within five seconds."""
+    until = time.monotonic() + 5
+    while not done() and time.monotonic() < until:
+        tab.wait_for_timeout(100)
     return bool(done())

@@ -152,7 +152,7 @@ def test_a_lasso_labels_what_it_holds(opened):
     local = xyz[found] - xyz[semantic == 0].min(axis=0)
     assert 200 < len(found) <= 18 * 18 and (semantic[found] == 0).all()
     assert (local[:, :2] > 0.25).all() and (local[:, :2] < 2.05).all()
-    assert len(page._corners) == 0 and page.session.undo() and not page.session.log.clicks
+    assert page.session.undo() and not page.session.log.clicks
     page.guarded(lambda event: page._close_lasso(event.client))(SimpleNamespace(client=client))
     assert client.told[-1].startswith('no point in the lasso')
 
@@ -224,3 +224,43 @@ def test_a_click_need_not_wait_for_the_labels_to_settle_and_overtakes_them(opene
     page._settle()
     assert (page.session.scan('corner').annotated >= 0).sum() == 2
     assert 'estimate: when you pause' in page._status.content  # the answer to one click is not shown for two
+
+
+def test_a_label_that_the_others_contradict_is_shown_once(opened):
+    page, semantic = opened
+    client, wrong = Client(), int(few(semantic, 7)[6])
+    for point in few(semantic, 6).tolist():
+        page.session.click('corner', point, page.session.classes[semantic[point]])
+    page.session.click('corner', wrong, 'wall')
+    page.changed()
+    page._check(client)
+    assert 'Is the red ball right? It is labelled wall, the other labels say floor' in page._status.content
+    place = page.session.scan('corner').cloud.xyz[wrong]
+    np.testing.assert_allclose(page.picture._mark.position, place, atol=1e-6)
+    page._by.value = 'check'
+    page._agree()
+    red, green, blue = page.picture._cloud.colors[page.picture.shown.tolist().index(wrong)]
+    assert red > 2 * blue and red > 2 * green
+    for _ in range(8):
+        page._check(client)
+    assert client.told[-1] == 'no label is left that the others contradict'
+
+
+def test_labels_of_a_file_come_in_and_clicks_go_out(opened):
+    page, semantic = opened
+    client, panel = Client(), page.exchange
+    panel._file.value = str(page._out.folder / 'nothing.csv')
+    page.guarded(panel._import)(SimpleNamespace(client=client))
+    assert 'no such file of labels' in client.told[-1]
+    page._out.folder.mkdir()
+    panel._file.value = str(page._out.folder / 'given.csv')
+    (page._out.folder / 'given.csv').write_text('scene,index,class\ncorner,1,floor\ncorner,1001,wall\n')
+    page.guarded(panel._import)(SimpleNamespace(client=client))
+    assert client.told[-1] == '2 labels of given.csv (undo takes them back)'
+    page.guarded(panel._export)(SimpleNamespace(client=client))
+    assert [click.index for click in read_clicks(page._out.folder / 'clicks.csv', ('floor', 'wall'))] == [1, 1001]
+    page._save(client)
+    panel._file.value = str(page._out.folder / 'corner.ply')
+    page.guarded(panel._import)(SimpleNamespace(client=client))
+    assert client.told[-1] == '1800 labels of corner.ply (undo takes them back)'
+    assert (page.session.scan('corner').annotated >= 0).all()
