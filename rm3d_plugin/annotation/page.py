@@ -15,7 +15,7 @@ from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
 from rm3d_plugin.annotation.exchange_panel import ExchangePanel
 from rm3d_plugin.annotation.lasso import Lasso
 from rm3d_plugin.annotation.object_panel import ObjectPanel
-from rm3d_plugin.annotation.point_view import COLOR_BY, ColorBy, colors_by
+from rm3d_plugin.annotation.point_view import COLOR_BY, SHOWN, ColorBy, colors_by
 from rm3d_plugin.annotation.scan_picture import ScanPicture
 from rm3d_plugin.annotation.session import Session
 from rm3d_plugin.annotation.status import FIRST_KEYS, status_of
@@ -114,11 +114,12 @@ class AnnotationPage:
         with gui.add_folder('View'):
             self._by: Any = gui.add_dropdown('Colour by', COLOR_BY, initial_value='colour')
             self._size = gui.add_slider('Point size', 0.25, 4.0, 0.25, 1.0)
+            self._most = gui.add_slider('Points, thousands', 25, SHOWN // 1000, 25, SHOWN // 1000, hint='fewer: faster')
             self._heights = gui.add_multi_slider('Heights, %', 0, 100, 1, (0, 100))
         self._scan.on_update(self.guarded(lambda event: self._switch(self._scan.value)))
         self._by.on_update(self.guarded(lambda event: self._colour_by()))
-        self._size.on_update(self.guarded(lambda event: self._draw()))
-        self._heights.on_update(self.guarded(lambda event: self._draw()))
+        for control in (self._size, self._most, self._heights):
+            control.on_update(self.guarded(lambda event: self._draw()))
 
     def _keys(self) -> None:
         gui = self.server.gui
@@ -161,8 +162,7 @@ class AnnotationPage:
 
     def _draw(self) -> None:
         """Send the points that are shown."""
-        low, high = self._heights.value
-        self.picture.show(self._current, float(self._size.value), (low, high))
+        self.picture.show(self._current, float(self._size.value), self._heights.value, 1000 * self._most.value)
         self._paint()
 
     def _colour_by(self) -> None:

@@ -45,17 +45,18 @@ class ScanPicture:
         self._scene = server.scene
         self._mark: Any = None
 
-    def show(self, scan: AnnotatedScan, size: float, heights: tuple[float, float]) -> None:
+    def show(self, scan: AnnotatedScan, size: float, heights: tuple[float, float], most: int = SHOWN) -> None:
         """Choose the points that are shown; :meth:`paint` sends them.
 
         Args:
             scan: The scan.
             size: Of a point; 1: as wide as the gaps between points.
             heights: Percent of the points that are below the lowest and the highest one shown.
+            most: Points that are shown, at most.
         """
         self._xyz, self._spacing = scan.cloud.xyz, scan.scene.spacing
         low, high = np.percentile(self._xyz[:, 2], np.asarray(heights, dtype=np.float64))
-        step = -(-len(self._xyz) // SHOWN)
+        step = -int(-len(self._xyz) // most)
         every = np.arange(0, len(self._xyz), step)
         self.shown: Int[np.ndarray, ' shown'] = every[(self._xyz[every, 2] >= low) & (self._xyz[every, 2] <= high)]
         self._width = size * self._spacing * float(np.sqrt(step)) / 2  # half of what is drawn, as viser counts

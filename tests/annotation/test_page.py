@@ -75,6 +75,16 @@ def test_a_click_labels_the_point_under_it_and_the_picture_follows(opened):
     assert (page.session.scan('corner').annotated >= 0).sum() == 1
 
 
+def test_fewer_points_can_be_shown_and_labels_are_on_all(opened, monkeypatch):
+    page, semantic = opened
+    assert len(page.picture.shown) == 1800
+    monkeypatch.setattr(page, '_most', SimpleNamespace(value=0.5))
+    page._draw()
+    assert page.picture.shown.tolist() == list(range(0, 1800, 4))
+    page.guarded(page._clicked)(at(page, 4))
+    assert len(page._labels.semantic) == 1800 and (page._labels.semantic >= 0).all()
+
+
 def test_what_cannot_be_is_said_on_the_page(opened):
     page, semantic = opened
     client = Client()

@@ -27,6 +27,7 @@ LEAST = 0.3  # bytes a shown point, of a message that brings its colours
 WAIT = 300.0  # seconds for an answer, at most
 STROKE = 100_000  # points that are labelled at once
 REPEATS = 5  # of labels without a browser
+FRAMES = '() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))'  # two are drawn
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,7 +101,7 @@ def _labels(session: Session, scan: str) -> dict[str, float]:
 
 
 def _answers(page: Any, session: Session, clicks: int) -> dict[str, float]:
-    """Seconds from a click to the message with colours, and to the frame that shows them: median and least."""
+    """Seconds from a click to the message with colours, and to the frame that shows them, beside frames without one."""
     from playwright.sync_api import sync_playwright
 
     chromium = shutil.which('chromium') or shutil.which('chromium-browser')
@@ -119,20 +120,25 @@ def _answers(page: Any, session: Session, clicks: int) -> dict[str, float]:
         tab.wait_for_selector('canvas')
         times = [_click(tab, came, number) for number in range(clicks + 1)][1:]
         browser.close()
-    message, frame = zip(*times, strict=True)
+    idle, message, frame = zip(*times, strict=True)
     return {
+        'two frames without a click, s': round(statistics.median(idle), 2),
         'click to message, s': round(statistics.median(message), 2),
+        'click to message, least s': round(min(message), 2),
         'click to frame, s': round(statistics.median(frame), 2),
         'click to frame, least s': round(min(frame), 2),
     }
 
 
-def _click(tab: Any, came: list[float], number: int) -> tuple[float, float]:
-    """Seconds until colours come after a click, and until two more frames are drawn; a click beside all is repeated."""
+def _click(tab: Any, came: list[float], number: int) -> tuple[float, float, float]:
+    """Seconds of two frames, and from a click until colours come and two more are drawn; one beside all is repeated."""
     until = time.perf_counter() + WAIT
     while time.perf_counter() < until:
         tab.wait_for_timeout(2500)  # what settles after the click before has come
         tab.keyboard.press('123'[number % 3])
+        began = time.perf_counter()
+        tab.evaluate(FRAMES)
+        idle = time.perf_counter() - began
         came.clear()
         began = time.perf_counter()
         tab.mouse.click(250 + 23 * number, 300 + 17 * (number % 4))
@@ -140,6 +146,6 @@ def _click(tab: Any, came: list[float], number: int) -> tuple[float, float]:
             tab.wait_for_timeout(5)
         if came:
             message = came[0] - began
-            tab.evaluate('() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))')
-            return message, time.perf_counter() - began
+            tab.evaluate(FRAMES)
+            return idle, message, time.perf_counter() - began
     raise ConfigError(f'annotate-page: no answer to a click within {WAIT:g} s')
