@@ -3,7 +3,6 @@
 import contextlib
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
@@ -15,13 +14,12 @@ from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
 from rm3d_plugin.annotation.exchange_panel import ExchangePanel
 from rm3d_plugin.annotation.lasso import Lasso
 from rm3d_plugin.annotation.object_panel import ObjectPanel
-from rm3d_plugin.annotation.point_view import COLOR_BY, SHOWN, ColorBy, colors_by
 from rm3d_plugin.annotation.scan_picture import ScanPicture
 from rm3d_plugin.annotation.session import Session
 from rm3d_plugin.annotation.status import FIRST_KEYS, status_of
 from rm3d_plugin.annotation.training_panel import TrainingPanel
+from rm3d_plugin.annotation.view_panel import ViewPanel
 from rm3d_plugin.inference.label_scan import LabelledScan
-from rm3d_plugin.structures import UNLABELLED
 from rm3d_plugin.user_error import UserError
 
 Tool = Literal['point', 'region', 'lasso', 'eraser', 'accept region']
@@ -48,6 +46,12 @@ class Outputs(NamedTuple):
 class AnnotationPage:
     """A session shown in a browser; it runs until :meth:`stop`.
 
+    Attributes:
+        name: Of the scan that is shown.
+        current: The scan.
+        labels: What the clicks say of it.
+        lock: Held by whoever acts, or shows something.
+
     Args:
         session: The scans and their clicks.
         out: Where what is saved goes.
@@ -56,7 +60,7 @@ class AnnotationPage:
 
     def __init__(self, session: Session, out: Outputs, port: int = 8080) -> None:
         self.session, self._out, self._trains = session, out, out.train
-        self._lock, self._settling = threading.RLock(), threading.Lock()
+        self.lock, self._settling = threading.RLock(), threading.Lock()
         self._timer: threading.Timer | None = None
         self._note, self._estimate, self._saved = '', '', 'nothing to save yet'
         self._looked_at: set[tuple[str, int, int]] = set()  # labels that were shown to be checked: scan, point, class
@@ -67,6 +71,7 @@ class AnnotationPage:
         self.picture = ScanPicture(self.server)
         self.lasso = Lasso(self.picture)
         self._controls()
+        self.view = ViewPanel(self)
         self.objects = ObjectPanel(self, out.folder / 'boxes')
         self.training = TrainingPanel(self, out.folder, out.minutes, out.options)
         self.exchange = ExchangePanel(self, out.folder)
@@ -111,15 +116,7 @@ class AnnotationPage:
             ('Save', self._save),
         ):
             gui.add_button(name).on_click(self.guarded(_of_client(action)))
-        with gui.add_folder('View'):
-            self._by: Any = gui.add_dropdown('Colour by', COLOR_BY, initial_value='colour')
-            self._size = gui.add_slider('Point size', 0.25, 4.0, 0.25, 1.0)
-            self._most = gui.add_slider('Points, thousands', 25, SHOWN // 1000, 25, SHOWN // 1000, hint='fewer: faster')
-            self._heights = gui.add_multi_slider('Heights, %', 0, 100, 1, (0, 100))
         self._scan.on_update(self.guarded(lambda event: self._switch(self._scan.value)))
-        self._by.on_update(self.guarded(lambda event: self._colour_by()))
-        for control in (self._size, self._most, self._heights):
-            control.on_update(self.guarded(lambda event: self._draw()))
 
     def _keys(self) -> None:
         gui = self.server.gui
@@ -138,11 +135,10 @@ class AnnotationPage:
 
     def _open(self, name: str) -> None:
         """Show a scan."""
-        self._current: AnnotatedScan = self.session.scan(name)
+        self.current: AnnotatedScan = self.session.scan(name)
         self.name, self._note, self._estimate = name, '', ''
-        self._labels: LabelledScan = self.session.labels(name)
-        self._agreement = np.full(len(self._labels.semantic), np.nan)
-        self._draw()
+        self.labels: LabelledScan = self.session.labels(name)
+        self.view.opened()
         view = self.picture.overview()
         self.server.initial_camera.look_at = tuple(view.look_at)
         self.server.initial_camera.position = tuple(view.position)
@@ -160,41 +156,15 @@ class AnnotationPage:
         finally:
             self._scan.value = self.name
 
-    def _draw(self) -> None:
-        """Send the points that are shown."""
-        self.picture.show(self._current, float(self._size.value), self._heights.value, 1000 * self._most.value)
-        self._paint()
-
-    def _colour_by(self) -> None:
-        self._paint()
-        if self._by.value == 'check':
-            threading.Thread(target=self._agree, daemon=True).start()
-
-    def _paint(self) -> None:
-        kind: ColorBy = self._by.value
-        colors = [self.session.color(name) for name in self.session.classes]
-        shown, labels, found = self.picture.shown, self._labels, self.training.difference()
-        semantic = labels.semantic[shown]
-        if kind == 'difference':
-            semantic = np.full(len(shown), UNLABELLED) if found is None else found.semantic[shown]
-        sure = self._agreement if kind == 'check' else labels.confidence
-        seen = replace(labels, semantic=semantic, confidence=sure[shown], region=labels.region[shown])
-        self.picture.paint(colors_by(kind, self._current.cloud.select(shown), seen, colors))
-
     def _marks(self) -> None:
         """Show clicks and boxes."""
-        self.picture.show_clicked(self._current.annotated)
+        self.picture.show_clicked(self.current.annotated)
         self.objects.draw()
-
-    def show_difference(self) -> None:
-        """Show what a training would change."""
-        self._by.value = 'difference'
-        self._paint()
 
     def _told(self) -> None:
         """Counts, estimate, suggestion and whether all is saved."""
         lines = [line for line in (self._note, self._estimate, self._saved) if line]
-        self._status.content = status_of(self.session, self.name, self._labels.semantic, lines)
+        self._status.content = status_of(self.session, self.name, self.labels.semantic, lines)
 
     def _names(self) -> tuple[str, ...]:
         return self.session.classes or ('add a class first',)
@@ -260,7 +230,7 @@ class AnnotationPage:
 
     def _check(self, client: Any) -> None:
         """Look at the label that the others contradict most, of those that nobody looked at."""
-        annotated = self._current.annotated
+        annotated = self.current.annotated
         for each in self.session.contradicted(self.name):
             label = (self.name, each.point, int(annotated[each.point]))
             if label not in self._looked_at:
@@ -278,10 +248,17 @@ class AnnotationPage:
         self._told()
 
     def _save(self, client: Any) -> None:
-        files = self.session.save(self._out.folder)
-        self._saved = 'saved: ' + ', '.join(str(path) for path in files)
-        self.say(client, self._saved)
+        before, self._saved = self._saved, 'saving ...'
         self._told()
+        try:
+            files = self.session.save(self._out.folder)
+            self._saved = 'saved: ' + ', '.join(str(path) for path in files)
+        except (UserError, OSError):
+            self._saved = before
+            raise
+        finally:
+            self._told()
+        self.say(client, self._saved)
 
     def _choose(self, number: int, event: Any) -> None:
         if number < len(self.session.classes):
@@ -320,12 +297,10 @@ class AnnotationPage:
 
     def changed(self) -> None:
         """Show the labels of the clicks that stand; the settled ones follow when nobody clicks."""
-        self._labels = self.session.labels(self.name)
+        self.labels = self.session.labels(self.name)
         self._note, self._estimate = '', 'estimate: when you pause'
         self._saved = 'every click is kept; the labels are not written yet: Save'
-        if self._by.value in ('colour', 'intensity', 'height') and (self._labels.semantic != UNLABELLED).any():
-            self._by.value = 'class'
-        self._paint()
+        self.view.show_labels()
         self._marks()
         self._told()
         self._settle_in(SETTLE)
@@ -340,31 +315,21 @@ class AnnotationPage:
     def _settle(self) -> None:
         """Show the labels as they are written; they are computed beside clicks, and dropped where one came first."""
         with self._settling, self._saying(None):
-            with self._lock:
-                name, shown, labelled = self.name, self._labels, (self._current.annotated >= 0).any()
+            with self.lock:
+                name, shown, labelled = self.name, self.labels, (self.current.annotated >= 0).any()
             found = self.session.settled(name) if labelled else shown
-            with self._lock:
-                if self._labels is shown:
-                    self._labels, self._estimate = found, found.remark() if labelled else ''
-                    self._paint()
+            with self.lock:
+                if self.labels is shown:
+                    self.labels, self._estimate = found, found.remark() if labelled else ''
+                    self.view.paint()
                     self._told()
                     self._train_if_asked()
 
-        if self._by.value == 'check':
-            self._agree()
-
-    def _agree(self) -> None:
-        """Compare each label with the others, beside clicks."""
-        with self._saying(None):
-            name, agreement = self.name, self.session.agreement(self.name)
-            with self._lock:
-                if name == self.name:
-                    self._agreement = agreement
-                    self._paint()
+        self.view.compare()
 
     def _train_if_asked(self) -> None:
         """Start the training of ``--train``, once, as soon as there are labels of two classes."""
-        annotated = self._current.annotated
+        annotated = self.current.annotated
         if self._trains and np.unique(annotated[annotated >= 0]).size > 1:
             self._trains = False
             self.training.start()
@@ -382,8 +347,17 @@ class AnnotationPage:
         """One action at a time; what a person can cause is said on the page, and nothing is lost."""
 
         def run(event: Any) -> None:
-            with self._lock, self._saying(getattr(event, 'client', None)):
+            with self.lock, self._saying(getattr(event, 'client', None)):
                 act(event)
+
+        return run
+
+    def beside(self, act: Callable[[], None]) -> Callable[[], None]:
+        """Work beside actions; what goes wrong is said to all."""
+
+        def run() -> None:
+            with self._saying(None):
+                act()
 
         return run
 

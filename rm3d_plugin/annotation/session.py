@@ -30,6 +30,7 @@ from rm3d_plugin.inference.predict import check_names
 from rm3d_plugin.inference.scan_kind import scan_kind
 from rm3d_plugin.label_budgets.clicks import point_numbers
 from rm3d_plugin.storage import Click, ClickFileError
+from rm3d_plugin.storage.click_log_lines import class_row
 from rm3d_plugin.storage.locks import process_lock
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 from rm3d_plugin.visualization.palette import class_color
@@ -49,7 +50,7 @@ class Session:
         scans: Files that can be read, each of another name.
         log: The ``.jsonl`` file of the clicks; a session that is there is taken up. None: ``NAME.clicks.jsonl`` beside
             the only scan, ``clicks.jsonl`` beside the first of several.
-        classes: Names of classes that are there from the start.
+        classes: Names of classes that are there from the start; one that was given another name since is there.
         columns: What the columns of tables hold, see :func:`rm3d_plugin.storage.scans.read_scan`.
         drop_nan: Pass over points whose place is NaN; numbers of points count the others, and labels of a saved scan
             are -1 there. Else such a scan is refused.
@@ -78,13 +79,16 @@ class Session:
         self._paths = {scan.stem: Path(scan) for scan in scans}
         self.columns, self._drop_nan, self._open = columns, drop_nan, dict[str, AnnotatedScan]()
         path = log or default_log(scans)
+        for name in classes:
+            class_row(name, None, path)
         self._lock = contextlib.ExitStack()
         self._lock.enter_context(process_lock(path.with_name(path.name + '.lock')))
         try:
             self.log = ClickLog(path)
             self._check_scenes()
+            known = [*self.log.classes, *self.log.renamed]  # a class that has another name now is there
             for name in classes:
-                if class_index(name, self.log.classes) is None:
+                if class_index(name, known) is None:
                     self.add_class(name)
         except BaseException:
             self.close()
@@ -207,14 +211,9 @@ class Session:
             ClickFileError: There is no such class, or the lines cannot be written.
         """
         self._checked_points(scan, points)
-        self.act(
-            Action(
-                [
-                    [Click(scan, number, index=point) for point in points[classes == number].tolist()]
-                    for number in np.unique(classes).tolist()
-                ]
-            )
-        )
+        found = np.unique(classes).tolist()
+        groups = [[Click(scan, each, index=point) for point in points[classes == each].tolist()] for each in found]
+        self.act(Action(groups))
 
     def erase(self, scan: str, points: Iterable[int]) -> None:
         """Take the labels of points away, one action; points without a label stay so."""

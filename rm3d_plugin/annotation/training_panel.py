@@ -130,7 +130,7 @@ class TrainingPanel:
         changes = int((found.semantic >= 0).sum())
         self._say(f'{"" if found.heard else NO_SAY + "; "}{changes} points would change')
         self._list()
-        self._page.show_difference()
+        self._page.view.show('difference')
 
     def _list(self) -> None:
         session, found = self._page.session, self._difference()

@@ -69,7 +69,7 @@ def test_a_click_labels_the_point_under_it_and_the_picture_follows(opened):
     xyz = page.session.scan('corner').cloud.xyz
     near = np.linalg.norm(xyz[labelled][:, None] - xyz[points], axis=2).min(axis=0)
     assert len(labelled) == 2 and near.max() < 0.3
-    assert page._by.value == 'class' and (page._labels.semantic == semantic).mean() > 0.85
+    assert page.view.by.value == 'class' and (page.labels.semantic == semantic).mean() > 0.85
     assert 'every click is kept' in page._status.content
     page._undo(Client())
     assert (page.session.scan('corner').annotated >= 0).sum() == 1
@@ -78,11 +78,11 @@ def test_a_click_labels_the_point_under_it_and_the_picture_follows(opened):
 def test_fewer_points_can_be_shown_and_labels_are_on_all(opened, monkeypatch):
     page, semantic = opened
     assert len(page.picture.shown) == 1800
-    monkeypatch.setattr(page, '_most', SimpleNamespace(value=0.5))
-    page._draw()
+    monkeypatch.setattr(page.view, 'most', SimpleNamespace(value=0.5))
+    page.view.draw()
     assert page.picture.shown.tolist() == list(range(0, 1800, 4))
     page.guarded(page._clicked)(at(page, 4))
-    assert len(page._labels.semantic) == 1800 and (page._labels.semantic >= 0).all()
+    assert len(page.labels.semantic) == 1800 and (page.labels.semantic >= 0).all()
 
 
 def test_what_cannot_be_is_said_on_the_page(opened):
@@ -124,6 +124,18 @@ def test_a_full_disk_is_said_and_loses_nothing(opened, monkeypatch):
     assert 'No space left' in client.told[-1]
     assert len(read_clicks(page.session.log.path, page.session.classes)) == 1
     assert (page.session.scan('corner').annotated >= 0).sum() == 1
+
+
+def test_what_could_not_be_saved_is_said_and_can_be_saved_again(opened, monkeypatch):
+    page, semantic = opened
+    client = Client()
+    page.guarded(page._clicked)(at(page, few(semantic, 1)[0], client))
+    with monkeypatch.context() as patched:
+        patched.setattr(page.session, 'save', lambda out: (_ for _ in ()).throw(OSError(28, 'No space left on device')))
+        page.guarded(lambda event: page._save(client))(SimpleNamespace(client=client))
+    assert 'No space left' in client.told[-1] and 'not written yet: Save' in page._status.content
+    page.guarded(lambda event: page._save(client))(SimpleNamespace(client=client))
+    assert client.told[-1].startswith('saved: ') and 'saved: ' in page._status.content
 
 
 def test_the_suggestion_is_shown_and_the_labels_settle_with_what_is_known_of_them(opened):
@@ -247,8 +259,8 @@ def test_a_label_that_the_others_contradict_is_shown_once(opened):
     assert 'Is the red ball right? It is labelled wall, the other labels say floor' in page._status.content
     place = page.session.scan('corner').cloud.xyz[wrong]
     np.testing.assert_allclose(page.picture._mark.position, place, atol=1e-6)
-    page._by.value = 'check'
-    page._agree()
+    page.view.by.value = 'check'
+    page.view.compare()
     red, green, blue = page.picture._cloud.colors[page.picture.shown.tolist().index(wrong)]
     assert red > 2 * blue and red > 2 * green
     for _ in range(8):
