@@ -1,4 +1,4 @@
-"""The page in a real browser, on a made-up room and on a real street (`make browser`).
+"""The page in a real browser, on a made-up room and on a real street (`make browser`); RM3D_BROWSER=train trains, too.
 
 A picture of every step is kept where RM3D_PICTURES names a folder, beside the scan elsewhere. A page that draws and
 does not answer is a failure; a browser that does not start, or draws too slowly to be done within `LIFETIME` seconds,
@@ -18,9 +18,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from rm3d_plugin.annotation import Session
+from rm3d_plugin.annotation import Session, demo_room
 from rm3d_plugin.annotation.demo_room import write_demo_room
 from rm3d_plugin.datasets.oakland_format import read_tile
+from rm3d_plugin.datasets.scannet_format import CLASSES, class_of_nyu40
+from rm3d_plugin.datasets.synthetic.rooms import make_room
 from rm3d_plugin.experiments.scenes import real_root
 from rm3d_plugin.storage.ply import read_ply, write_ply
 
@@ -31,6 +33,8 @@ from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # noqa: E402
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 GRAPHICS = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']
 LIFETIME = 130  # seconds of a browser; half of that without load
+ENDS = time.monotonic() + 240  # of all browsers together
+MINUTES = 0.5  # of a training
 PATIENCE = 30  # seconds for one answer, and longer
 FRAMES = 300  # until the page has drawn so many: on a slow machine an answer comes late
 STARTS = 15  # seconds in which a browser starts; a second without load
@@ -82,11 +86,68 @@ def test_in_a_browser(make, tmp_path):
         assert len(again.objects.boxes(scan.stem)) == 1
 
 
+@pytest.mark.skipif(os.environ.get('RM3D_BROWSER') != 'train', reason='minutes of training: RM3D_BROWSER=train')
+def test_a_training_in_a_browser(tmp_path):
+    """An object with its box among labels; then half a minute of training, and its difference is taken over."""
+    scan, (semantic, instance) = write_demo_room(tmp_path), truth_of_demo_room()
+    with (
+        Session([scan], classes=CLASSES) as session,
+        shown(session, tmp_path) as page,
+        chromium(tmp_path, 900) as browser,
+    ):
+        chair = label_by_truth(session, semantic, instance)
+        page.changed()
+        page.objects._choose(0)
+        page.objects.fit(None)
+        page.training._minutes.value = MINUTES
+        with opened(web, page, tmp_path) as tab:
+            tab.locator('.mantine-Notification-closeButton').first.click()
+            tab.picture('annotate_overview')
+            for client in page.server.get_clients().values():
+                page.picture.look_at(client, chair)
+            tab.wait_for_timeout(5000)
+            tab.picture('annotate_object')
+            tab.get_by_text('Training').click()
+            tab.get_by_role('button', name='Train', exact=True).click()
+            assert within(tab, lambda: 'points would change' in tab.content(), 600)
+            tab.wait_for_timeout(5000)
+            tab.picture('annotate_difference')
+            count = len(session.log.clicks)
+            tab.get_by_role('button', name='Accept').click()
+            assert within(tab, lambda: 'points accepted' in tab.content())
+            assert len(session.log.clicks) > count
+
+
+def truth_of_demo_room():
+    """Class and object of each point."""
+    room = make_room(demo_room.SEED, 0, demo_room.SPACING)
+    kept = np.random.default_rng(0).permutation(len(room))[: demo_room.POINTS]
+    return class_of_nyu40(room.nyu40[kept]), room.instance[kept]
+
+
+def label_by_truth(session, semantic, instance):
+    """Three clicks a class, and five of object 0, a chair; one of its points."""
+    generator = np.random.default_rng(0)
+    for name in session.classes:
+        own = np.flatnonzero(semantic == CLASSES.index(name))
+        for point in generator.choice(own, min(len(own), 3), replace=False).tolist():
+            session.click('room', point, name)
+    chairs = np.flatnonzero(semantic == CLASSES.index('chair'))
+    largest = np.bincount(instance[chairs]).argmax()
+    points = generator.choice(chairs[instance[chairs] == largest], 5, replace=False).tolist()
+    session.brush('room', points, 'chair', 0)
+    return points[0]
+
+
 @contextlib.contextmanager
-def chromium(folder):
-    """A browser for `LIFETIME` seconds; skips where none starts, none draws, or its time is over."""
+def chromium(folder, seconds=LIFETIME):
+    """A browser for so many seconds; skips where none starts, none draws, or its time is over."""
+    if seconds <= LIFETIME:
+        seconds = min(seconds, ENDS - time.monotonic())
+    if seconds < PATIENCE:
+        pytest.skip('too busy a machine: no time is left for this one')
     script = folder / 'chromium'
-    script.write_text(f'#!/bin/sh\nexec timeout -s KILL {LIFETIME} {CHROMIUM} "$@"\n')
+    script.write_text(f'#!/bin/sh\nexec timeout -s KILL {seconds:.0f} {CHROMIUM} "$@"\n')
     script.chmod(0o755)
     with playwright.sync_playwright() as started:
         began = time.monotonic()
@@ -104,7 +165,7 @@ def chromium(folder):
         except playwright.Error as error:
             if browser.is_connected():
                 raise
-            pytest.skip(f'not done within {LIFETIME} s, too busy a machine: {error}')
+            pytest.skip(f'not done within {seconds:.0f} s, too busy a machine: {error}')
         browser.close()
 
 
@@ -229,9 +290,9 @@ def picture(tab, folder, name):
     print(f'picture: {folder / name}.png')
 
 
-def within(tab, done):
-    """Whether it is done within `PATIENCE` seconds, and before the page has drawn `FRAMES` frames more."""
-    until, drawn = time.monotonic() + PATIENCE, tab.evaluate('window.drawn')
+def within(tab, done, seconds=PATIENCE):
+    """Whether it is done within so many seconds, and before the page has drawn `FRAMES` frames more."""
+    until, drawn = time.monotonic() + seconds, tab.evaluate('window.drawn')
     while not done():
         if time.monotonic() > until and tab.evaluate('window.drawn') > drawn + FRAMES:
             return False
