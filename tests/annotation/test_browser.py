@@ -90,8 +90,9 @@ def test_in_a_browser(make, tmp_path):
 def test_a_training_in_a_browser(tmp_path):
     """An object with its box among labels; then half a minute of training, and its difference is taken over."""
     scan, (semantic, instance) = write_demo_room(tmp_path), truth_of_demo_room()
+    present = [CLASSES[number] for number in np.unique(semantic) if number >= 0]
     with (
-        Session([scan], classes=CLASSES) as session,
+        Session([scan], classes=present) as session,
         shown(session, tmp_path) as page,
         chromium(tmp_path, 900) as browser,
     ):
@@ -100,7 +101,7 @@ def test_a_training_in_a_browser(tmp_path):
         page.objects._choose(0)
         page.objects.fit(None)
         page.training._minutes.value = MINUTES
-        with opened(web, page, tmp_path) as tab:
+        with opened(browser, page, tmp_path) as tab:
             tab.locator('.mantine-Notification-closeButton').first.click()
             tab.picture('annotate_overview')
             for client in page.server.get_clients().values():
