@@ -101,7 +101,7 @@ def _labels(session: Session, scan: str) -> dict[str, float]:
 
 
 def _answers(page: Any, session: Session, clicks: int) -> dict[str, float]:
-    """Seconds from a click to the message with colours, and to the frame that shows them, beside frames without one."""
+    """Seconds from a click to the message with colours, and to the frame that shows them, beside frames alone."""
     from playwright.sync_api import sync_playwright
 
     chromium = shutil.which('chromium') or shutil.which('chromium-browser')
@@ -118,11 +118,12 @@ def _answers(page: Any, session: Session, clicks: int) -> dict[str, float]:
         ))  # fmt: skip
         tab.goto(page.url)
         tab.wait_for_selector('canvas')
+        frame_alone = _frame(tab)
         times = [_click(tab, came, number) for number in range(clicks + 1)][1:]
         browser.close()
-    idle, message, frame = zip(*times, strict=True)
+    message, frame = zip(*times, strict=True)
     return {
-        'two frames without a click, s': round(statistics.median(idle), 2),
+        'frame of a turning view, s': round(frame_alone, 2),
         'click to message, s': round(statistics.median(message), 2),
         'click to message, least s': round(min(message), 2),
         'click to frame, s': round(statistics.median(frame), 2),
@@ -130,15 +131,27 @@ def _answers(page: Any, session: Session, clicks: int) -> dict[str, float]:
     }
 
 
-def _click(tab: Any, came: list[float], number: int) -> tuple[float, float, float]:
-    """Seconds of two frames, and from a click until colours come and two more are drawn; one beside all is repeated."""
+def _frame(tab: Any) -> float:
+    """Median seconds of a frame while the view is turned."""
+    tab.wait_for_timeout(2500)
+    tab.mouse.move(300, 300)
+    tab.mouse.down()
+    times = []
+    for step in range(REPEATS):
+        began = time.perf_counter()
+        tab.mouse.move(310 + 9 * step, 300 + 4 * step)
+        tab.evaluate(FRAMES)
+        times.append((time.perf_counter() - began) / 2)
+    tab.mouse.up()
+    return statistics.median(times)
+
+
+def _click(tab: Any, came: list[float], number: int) -> tuple[float, float]:
+    """Seconds until colours come after a click, and until two more frames are drawn; a click beside all is repeated."""
     until = time.perf_counter() + WAIT
     while time.perf_counter() < until:
         tab.wait_for_timeout(2500)  # what settles after the click before has come
         tab.keyboard.press('123'[number % 3])
-        began = time.perf_counter()
-        tab.evaluate(FRAMES)
-        idle = time.perf_counter() - began
         came.clear()
         began = time.perf_counter()
         tab.mouse.click(250 + 23 * number, 300 + 17 * (number % 4))
@@ -147,5 +160,5 @@ def _click(tab: Any, came: list[float], number: int) -> tuple[float, float, floa
         if came:
             message = came[0] - began
             tab.evaluate(FRAMES)
-            return idle, message, time.perf_counter() - began
+            return message, time.perf_counter() - began
     raise ConfigError(f'annotate-page: no answer to a click within {WAIT:g} s')
