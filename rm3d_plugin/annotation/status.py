@@ -9,7 +9,8 @@ from jaxtyping import Int
 from rm3d_plugin.annotation.session import Session
 
 FIRST_KEYS = '123456789'
-STYLE = '<style>.counts td, .counts th {padding-right: 0.8em; text-align: left; font-weight: normal}</style>'
+CELLS = 'padding-right: 0.7em; text-align: left; font-weight: normal; white-space: nowrap'
+STYLE = f'<style>.counts td, .counts th {{{CELLS}}}</style>'
 
 
 def status_of(session: Session, scan: str, semantic: Int[np.ndarray, ' points'], lines: Sequence[str]) -> str:
