@@ -34,7 +34,7 @@ CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 GRAPHICS = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']
 LIFETIME = 130  # seconds of a browser; half of that without load
 ENDS = time.monotonic() + 240  # of all browsers together
-MINUTES = 0.5  # of a training
+MINUTES = 4.0  # of a training
 PATIENCE = 30  # seconds for one answer, and longer
 FRAMES = 300  # until the page has drawn so many: on a slow machine an answer comes late
 STARTS = 15  # seconds in which a browser starts; a second without load
@@ -89,13 +89,13 @@ def test_in_a_browser(make, tmp_path):
 
 @pytest.mark.skipif(os.environ.get('RM3D_BROWSER') != 'train', reason='minutes of training: RM3D_BROWSER=train')
 def test_a_training_in_a_browser(tmp_path):
-    """An object with its box among labels; then half a minute of training, and its difference is taken over."""
+    """An object with its box among labels; then minutes of training, and its difference is taken over."""
     scan, (semantic, instance) = write_demo_room(tmp_path), truth_of_demo_room()
     present = [CLASSES[number] for number in np.unique(semantic) if number >= 0]
     with (
         Session([scan], classes=present) as session,
         shown(session, tmp_path) as page,
-        chromium(tmp_path, 900) as browser,
+        chromium(tmp_path, 1000) as browser,
     ):
         page.view.most.value = 400
         chair = label_by_truth(session, semantic, instance)
@@ -112,7 +112,8 @@ def test_a_training_in_a_browser(tmp_path):
             tab.picture('annotate_object')
             tab.get_by_text('Training').click()
             tab.get_by_role('button', name='Train', exact=True).click()
-            assert within(tab, lambda: 'points would change' in tab.content(), 600)
+            assert within(tab, lambda: not page.training.running, 800)
+            assert within(tab, lambda: 'points would change' in tab.content())
             tab.wait_for_timeout(5000)
             tab.picture('annotate_difference')
             count = len(session.log.clicks)
