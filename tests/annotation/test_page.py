@@ -85,6 +85,16 @@ def test_fewer_points_can_be_shown_and_labels_are_on_all(opened, monkeypatch):
     assert len(page.labels.semantic) == 1800 and (page.labels.semantic >= 0).all()
 
 
+def test_a_stroke_is_marked_by_few_dots_and_clicks_of_two_classes_by_one_each(opened):
+    page, _ = opened
+    page.session.brush('corner', range(900), 'floor')
+    page.session.click('corner', 450, 'wall')
+    page.changed()
+    assert 2 <= len(page.picture.dots.points) <= 10
+    xyz = page.session.scan('corner').cloud.xyz
+    assert np.abs(page.picture.dots.points - xyz[450]).max(axis=1).min() < 1e-6
+
+
 def test_what_cannot_be_is_said_on_the_page(opened):
     page, semantic = opened
     client = Client()
