@@ -12,7 +12,7 @@ from mmengine.dist import all_gather_object
 from rm3d_plugin.evaluation.functional import SceneTruth
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
-from rm3d_plugin.labeling.round_summary import summarise_boxes, with_steps
+from rm3d_plugin.labeling.round_summary import summarise_boxes, with_agreement, with_steps
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import (
@@ -28,6 +28,7 @@ from rm3d_plugin.pseudo_labels import (
 )
 from rm3d_plugin.pseudo_labels.common.strategy import Strategy
 from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes, size_ranges
+from rm3d_plugin.pseudo_labels.detection.instances import agreement, predicted_instances
 from rm3d_plugin.pseudo_labels.detection.objects import most_boxes, score_limits
 from rm3d_plugin.pseudo_labels.detection.refresh import find_candidates
 from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, box_limits, expected_from_whole, joined_shown
@@ -36,6 +37,7 @@ from rm3d_plugin.structures import Boxes3D, LabelStatistics, PointCloud, Regions
 
 RANKED_SCENES = 200  # of each process; their predictions are kept in memory while the best candidates are ranked
 STEP = 'step_'  # before the names of columns in a ledger: candidates of each class that a step cost
+AGREE = 'agree_'  # the same: how far classes, instances and boxes agree
 
 
 @TASK_UTILS.register_module()
@@ -141,8 +143,19 @@ class DetectionLabelMaker(LabelMaker):
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:
         """Merge regions, find objects, complete the boxes."""
         result = self._result(number, scene_id, prediction)
-        steps = {f'{STEP}{name}': lost for name, lost in result.steps.items()}
-        return SceneLabels(result.labels, result.merge.ledger.to_arrays() | steps)
+        counts = {f'{STEP}{name}': lost for name, lost in result.steps.items()}
+        counts |= {f'{AGREE}{name}': found for name, found in self._agreement(scene_id, prediction, result).items()}
+        return SceneLabels(result.labels, result.merge.ledger.to_arrays() | counts)
+
+    def _agreement(
+        self, scene_id: str, said: PointPrediction | None, result: RefreshResult
+    ) -> dict[str, Int[np.ndarray, ' classes']]:
+        """Of classes, instances and boxes of a scene, see :func:`agreement`; empty where nobody says where to vote."""
+        if said is None or said.centers is None:
+            return {}
+        least = self.rules.objects.min_points
+        found = predicted_instances(said.probabilities, said.centers, self.mean_sizes, least)
+        return agreement(self.scenes.get(scene_id).cloud.xyz, said.probabilities, found, result.labels.boxes)
 
     def look_ahead(self, number: int, predictions: Predictions) -> Predictions:
         """The first scenes of each process tell which scores are good in each class, where that is asked."""
@@ -217,15 +230,18 @@ class DetectionLabelMaker(LabelMaker):
         scenes = [(self.store.read(scene, number), self._truth(index)) for scene, index in self.index_of.items()]
         summary = summarise_boxes(scenes, self.source.classes)
         expected = None if self._box_limits is None or not number else self._box_limits.expected
-        return with_steps(summary, self._steps(number), expected)
+        total = self._totals(number)
+        steps = {name[len(STEP) :]: lost for name, lost in total.items() if name.startswith(STEP)}
+        agreed = {name[len(AGREE) :]: found for name, found in total.items() if name.startswith(AGREE)}
+        return with_agreement(with_steps(summary, steps, expected), agreed)
 
-    def _steps(self, number: int) -> dict[str, Int[np.ndarray, ' classes']]:
-        """Over all scenes, how many candidates of each class every step cost."""
+    def _totals(self, number: int) -> dict[str, Int[np.ndarray, ' classes']]:
+        """Columns of the ledgers that count something of each class, over all scenes."""
         total: dict[str, np.ndarray] = {}
         for scene in self.index_of:
-            for name, lost in self.store.read_ledger(scene, number).items():
-                if name.startswith(STEP):
-                    total[name[len(STEP) :]] = total.get(name[len(STEP) :], 0) + lost
+            for name, counts in self.store.read_ledger(scene, number).items():
+                if name.startswith((STEP, AGREE)):
+                    total[name] = total.get(name, 0) + counts
         return total
 
     def _truth(self, index: int) -> SceneTruth | None:

@@ -142,6 +142,36 @@ def with_steps(
     return summary | {'boxes': boxes}
 
 
+def with_agreement(summary: dict[str, Any], agreed: Mapping[str, Int[np.ndarray, ' classes']]) -> dict[str, Any]:
+    """A summary whose boxes tell how far classes, instances and boxes say the same.
+
+    Args:
+        summary: See :func:`summary_of`.
+        agreed: See :func:`~rm3d_plugin.pseudo_labels.detection.instances.agreement`, over all scenes; empty: nobody
+            looked.
+    """
+    if not agreed:
+        return summary
+    boxes = summary['boxes'].items()
+    told = {name: {kind: int(counts[c]) for kind, counts in agreed.items()} for c, (name, _) in enumerate(boxes)}
+    return summary | {'boxes': {name: row | {'agreement': told[name]} for name, row in boxes}}
+
+
+def agreement_text(counts: Mapping[str, int]) -> str:
+    """How far classes, instances and boxes of a class agree, in words.
+
+    >>> agreement_text({'boxes': 9, 'boxes_with_instance': 7, 'instances': 8, 'instances_with_box': 7,
+    ...                 'points_in_boxes': 200, 'points_of_class': 150})
+    '7 of 9 boxes are an instance, 7 of 8 instances a box, 75 % of the points in boxes have their class'
+    """
+    share = 100 * counts['points_of_class'] / max(counts['points_in_boxes'], 1)
+    return (
+        f'{counts["boxes_with_instance"]} of {counts["boxes"]} boxes are an instance, '
+        f'{counts["instances_with_box"]} of {counts["instances"]} instances a box, '
+        f'{share:.0f} % of the points in boxes have their class'
+    )
+
+
 def box_warnings(summary: Mapping[str, Any]) -> list[str]:
     """A line for each class without a pseudo box, or with far more than are expected, with the steps that did it.
 
@@ -189,4 +219,6 @@ def describe_round(summary: dict[str, Any]) -> str:
         found = f', {row["correct"]} correct of {row["true"]} true' if summary['truth_known'] else ''
         guess = f' ({row["expected"]:.0f} expected)' if 'expected' in row else ''
         parts.append(f'{name} boxes {row["annotated"]} annotated + {row["pseudo"]} pseudo{guess}{found}')
+        if 'agreement' in row:
+            parts.append(agreement_text(row['agreement']))
     return '; '.join(parts)

@@ -21,7 +21,7 @@ def label_section(rounds: Sequence[Mapping[str, Any]]) -> str:
         return ''
     if not any(entry.get('boxes') for entry in rounds):
         return section('labels', 'Pseudo labels', _SEGMENTATION_WORDS + _estimate_table(rounds) + _class_table(rounds))
-    parts = [_point_table(rounds), _box_table(rounds), _warnings(rounds)]
+    parts = [_point_table(rounds), _box_table(rounds), _agreement_table(rounds), _warnings(rounds)]
     words = (
         '<p>Coverage is the share of all points with a label. Precision is the share of correct pseudo labels; recall '
         'of boxes is over the true boxes that the budget hides. Training never sees the truth that these are '
@@ -90,6 +90,30 @@ def _box_table(rounds: Sequence[Mapping[str, Any]]) -> str:
         body.append(row)
     head = [('Round', ()), *((name, ('annotated', 'pseudo', 'precision', 'recall')) for name in names)]
     return grouped_table(head, body, 'Boxes')
+
+
+def _agreement_table(rounds: Sequence[Mapping[str, Any]]) -> str:
+    """How far classes, instances and boxes of the scenes say the same, from the first round with a network on."""
+    names, body = _names(rounds, 'boxes'), []
+    for place, entry in enumerate(rounds):
+        told = [entry.get('boxes', {}).get(name, {}).get('agreement') for name in names]
+        if not any(told):
+            continue
+        row = [str(entry.get('round', place))]
+        for found in told:
+            counts = found or {}
+            for part, whole in (
+                ('boxes_with_instance', 'boxes'),
+                ('instances_with_box', 'instances'),
+                ('points_of_class', 'points_in_boxes'),
+            ):
+                row.append(percent(counts[part] / counts[whole] if counts.get(whole) else None))
+        body.append(row)
+    if not body:
+        return ''
+    columns = ('boxes that are an instance', 'instances that are a box', 'points in boxes with their class')
+    head = [('Round', ()), *((name, columns) for name in names)]
+    return grouped_table(head, body, 'Classes, instances and boxes: how far they agree')
 
 
 def _warnings(rounds: Sequence[Mapping[str, Any]]) -> str:

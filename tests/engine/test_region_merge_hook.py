@@ -130,6 +130,22 @@ def test_every_interval_epochs_a_new_round_until_there_are_enough():
     assert [entry['round'] for entry in read_json('timing.json')['epochs'].values()] == [0, 0, 1, 1, 2, 2, 2, 2]
 
 
+def test_labels_by_a_teacher_are_what_the_teacher_says():
+    label_maker = CountingLabelMaker(finished=(0,))
+    hook = RegionMergeHook(1, label_maker, dataloader=['a'], rounds=2, labels_from='teacher')
+    runner = SimpleNamespace(model=Model(), hooks=[hook], train_loop=None)
+    with pytest.raises(ConfigError, match=r"labels_from: 'teacher', but the network has none; add method_hook"):
+        hook.before_train(runner)
+    runner.model.teacher, runner.model.test_step = Model(), None  # the network is not asked
+    label_maker.begin(1)
+    hook._refresh(SimpleNamespace(model=runner.model, logger=SimpleNamespace(info=print)), 1)
+    (said,) = label_maker.predictions
+    assert said.probabilities[2].tolist() == [0.25, 0.75] and not runner.model.teacher.predict_points
+    assert not runner.model.predict_points
+    with pytest.raises(ValueError, match=r"labels_from: expected 'network' or 'teacher', got 'ema'"):
+        RegionMergeHook(1, label_maker, dataloader=[], labels_from='ema')
+
+
 def test_before_training_the_first_labels_are_made_and_the_model_is_told_sizes():
     label_maker = CountingLabelMaker()
     epochs(RegionMergeHook(interval=2, label_maker=label_maker, dataloader=[]), label_maker, 0, 0)

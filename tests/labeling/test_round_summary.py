@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from rm3d_plugin.evaluation.functional import SceneTruth
-from rm3d_plugin.labeling.round_summary import box_warnings, describe_round, summarise_boxes, with_steps
+from rm3d_plugin.labeling.round_summary import (
+    box_warnings,
+    describe_round,
+    summarise_boxes,
+    with_agreement,
+    with_steps,
+)
 from rm3d_plugin.structures import Boxes3D, PseudoLabels
 
 CLASSES = ('Car', 'Pedestrian', 'Cyclist')  # 3 = background
@@ -104,3 +110,18 @@ def test_a_class_without_boxes_or_with_too_many_is_told_with_the_steps():
     assert box_warnings({'boxes': rows}) == []  # nothing was counted
     none = with_steps({'boxes': {'Car': rows['Pedestrian']}}, {'found': np.array([0])})
     assert box_warnings(none) == ['Car: no pseudo box; no candidate was found']
+
+
+def test_how_far_the_three_tasks_agree_is_told_class_by_class():
+    summary = summarise_boxes([(FIRST, TRUTHS[0])], CLASSES)
+    assert with_agreement(summary, {}) == summary and 'an instance' not in describe_round(summary)
+    counts = {
+        'boxes': [4, 1, 0], 'boxes_with_instance': [3, 0, 0], 'instances': [5, 0, 2], 'instances_with_box': [3, 0, 0],
+        'points_in_boxes': [50, 8, 0], 'points_of_class': [20, 8, 0],
+    }  # fmt: skip
+    told = with_agreement(summary, {kind: np.array(row) for kind, row in counts.items()})
+    assert told['boxes']['Cyclist']['agreement'] == {kind: row[2] for kind, row in counts.items()}
+    assert told['boxes']['Car']['pseudo'] == summary['boxes']['Car']['pseudo']
+    line = describe_round(told)
+    assert '3 of 4 boxes are an instance, 3 of 5 instances a box, 40 % of the points in boxes have their class' in line
+    json.dumps(told)

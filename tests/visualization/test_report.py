@@ -34,7 +34,21 @@ ROUNDS = [
         'coverage': 0.5,
         'truth_known': False,
         'points': {},
-        'boxes': {'Car': {'annotated': 2, 'pseudo': 8, 'correct': 0}},
+        'boxes': {
+            'Car': {
+                'annotated': 2,
+                'pseudo': 8,
+                'correct': 0,
+                'agreement': {
+                    'boxes': 10,
+                    'boxes_with_instance': 4,
+                    'instances': 0,
+                    'instances_with_box': 0,
+                    'points_in_boxes': 200,
+                    'points_of_class': 25,
+                },
+            }
+        },
         'warnings': ['Cyclist: no pseudo box; of 9 candidates size took 7 <all>'],
     },
 ]
@@ -107,6 +121,7 @@ def test_page_holds_the_numbers(reader):
     assert ['0', '2', '8', '75.0 %', '25.0 %'] in reader.rows
     assert ['5', '50.0 %', '–', '–', '–', '–'] in reader.rows
     assert ['5', '2', '8', '–', '–'] in reader.rows
+    assert ['5', '40.0 %', '–', '12.5 %'] in reader.rows  # how far boxes, instances and classes agree
     assert ['train', '1 h 0 min', '90 %'] in reader.rows
     assert ['0', '1 min 1 s', '–', '40.0 s', '–', '–'] in reader.rows
     assert ['1', '4.5 s', '1.2 s', '40.0 s', '11.2 %', '0.5 s'] in reader.rows

@@ -1,7 +1,7 @@
 """Regenerates the pseudo labels every sigma epochs."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from mmengine.dist import barrier, is_main_process
@@ -10,6 +10,7 @@ from mmengine.runner import IterBasedTrainLoop, Runner
 from tqdm import tqdm
 
 from rm3d_plugin.engine.config_files import ConfigError
+from rm3d_plugin.engine.hooks.ema_teacher_hook import EMATeacherHook
 from rm3d_plugin.engine.hooks.safe_checkpoint_hook import forget_checkpoints
 from rm3d_plugin.engine.round_times import RoundTimes, Seconds, Stopwatch
 from rm3d_plugin.engine.scene_prediction import scene_prediction
@@ -34,6 +35,8 @@ class RegionMergeHook(Hook):
         warm_up_rounds: How many intervals the first labels last. Larger: the first predictions come from a network that
             has seen more, which counts where few labels are annotated or epochs are short.
         dataloader: Config of a dataloader over the training scenes, without labels and augmentation, in order.
+        labels_from: Whose predictions make labels: the 'network', or its 'teacher', which
+            :class:`~rm3d_plugin.engine.hooks.EMATeacherHook` gives it.
 
     Attributes:
         seconds: Wall clock, spent on labels by this process.
@@ -49,7 +52,10 @@ class RegionMergeHook(Hook):
         dataloader: Any,
         rounds: int = 8,
         warm_up_rounds: int = 1,
+        labels_from: Literal['network', 'teacher'] = 'network',
     ) -> None:
+        if labels_from not in ('network', 'teacher'):
+            raise ValueError(f"RegionMergeHook.labels_from: expected 'network' or 'teacher', got {labels_from!r}")
         for name, value in (('interval', interval), ('rounds', rounds), ('warm_up_rounds', warm_up_rounds)):
             if int(value) < 1:
                 raise ValueError(f'RegionMergeHook.{name}: expected at least 1, got {value}')
@@ -57,6 +63,7 @@ class RegionMergeHook(Hook):
         self.rounds = rounds
         self.warm_up_rounds = warm_up_rounds
         self.dataloader = dataloader
+        self.labels_from = labels_from
         self.seconds = 0.0
         self.times: RoundTimes
         self._predicting = Seconds()
@@ -70,6 +77,10 @@ class RegionMergeHook(Hook):
             ConfigError: Training does not run by epochs, or the model cannot be told.
         """
         _check_project(runner)
+        if self.labels_from == 'teacher' and not any(isinstance(hook, EMATeacherHook) for hook in runner.hooks):
+            raise ConfigError(
+                "labels_from: 'teacher', but the network has none; add method_hook=${mean_teacher} (EMATeacherHook)"
+            )
         watch = Stopwatch()
         self.times = RoundTimes(runner.work_dir, runner.epoch)
         if isinstance(self.dataloader, Mapping) and self.dataloader['sampler']['type'] == 'DefaultSampler':
@@ -139,11 +150,15 @@ class RegionMergeHook(Hook):
         barrier()
         said = f'labels, round {number}'
         if self.label_maker.source.extends(number):
-            self.label_maker.extend_budget(number, self.predictions(runner.model, said))
+            self.label_maker.extend_budget(number, self.predictions(self._asked(runner.model), said))
             self._tell_model(runner.model)
-        self.label_maker.refresh_all(number, self.predictions(runner.model, said))
+        self.label_maker.refresh_all(number, self.predictions(self._asked(runner.model), said))
         barrier()
         return self._close(number, runner) if is_main_process() else Seconds()
+
+    def _asked(self, model: Any) -> Any:
+        """Whose predictions make the labels."""
+        return _unwrapped(model).teacher if self.labels_from == 'teacher' else model
 
     def _close(self, number: int, runner: Runner) -> Seconds:
         """Check, evaluate and close a round; what evaluating took, which is no part of the method."""

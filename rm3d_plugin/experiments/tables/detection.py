@@ -9,6 +9,7 @@ LEAF, ALONE, FULL = 'rm3d_votenet_kitti_1pct', 'sup_votenet_kitti_1pct', 'sup_vo
 IOU: dict[str, Any] = {'iou_head': '${box_iou_head}', 'iou_loss': '${box_overlap}'}
 GROUPS: dict[str, Any] = {'teacher': None}
 GEOMETRY: dict[str, Any] = {'pseudo_geometry': 1.0}
+MEAN_TEACHER: dict[str, Any] = {'labels_from': 'teacher', 'method_hook': '${mean_teacher}'}
 ONE_VIEW: dict[str, Any] = {'tta_views': None}
 MECHANISMS = Table(
     title=f'{KITTI.title}; mechanism by mechanism',
@@ -23,6 +24,8 @@ MECHANISMS = Table(
         Row('default, they teach where boxes lie', LEAF, GEOMETRY),
         Row('default, also of classes that are not recognised', LEAF, {'predicted_boxes': {'recognised': 0.0}}),
         Row('default, whatever is above them', LEAF, {'predicted_boxes': {'free_above': 0.0}}),
+        Row('default, boxes around instances of classes and votes', LEAF, {'predicted_boxes': {'source': 'instances'}}),
+        Row('default, labels by a running mean of the network', LEAF, MEAN_TEACHER),
         Row('default + IoU head', LEAF, IOU),
         Row('default + reliable background alone', LEAF, {'unlabelled_weight': 0.0}),
         Row('default + boxes fitted to the points', LEAF, {'predicted_boxes': {'refit': True}}),

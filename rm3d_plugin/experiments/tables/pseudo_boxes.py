@@ -43,8 +43,9 @@ RULES = {
     'predicted boxes, one view': Rule({'teacher': {'recognised': 0.0}}, all_views=False),
     'predicted boxes, all views': Rule({'teacher': {'recognised': 0.0}}),
     'the same, of classes whose annotated objects are recognised (the default)': Rule({'teacher': {}}),
-    'the same, whatever is above them': Rule({'teacher': {'free_above': 0.0}}),
-    'the same, from half of the usual score on': Rule({'teacher': {'share': 0.5}}),
+    'boxes around the instances of points and votes': Rule({'teacher': {'source': 'instances'}}),
+    'the default, whatever is above': Rule({'teacher': {'free_above': 0.0}}),
+    'the default, from half of the usual score on': Rule({'teacher': {'share': 0.5}}),
 }
 
 

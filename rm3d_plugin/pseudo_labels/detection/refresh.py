@@ -28,6 +28,7 @@ from rm3d_plugin.pseudo_labels.detection.boxes import (
     robust_extents,
     size_ranges,
 )
+from rm3d_plugin.pseudo_labels.detection.instances import boxes_of_instances, predicted_instances
 from rm3d_plugin.pseudo_labels.detection.objects import (
     EarlierObjects,
     Evidence,
@@ -39,7 +40,7 @@ from rm3d_plugin.pseudo_labels.detection.objects import (
     fit_object,
 )
 from rm3d_plugin.pseudo_labels.detection.parts import PartLimits, split_mixed
-from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules
+from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules, ObjectRules, TeacherRules
 from rm3d_plugin.pseudo_labels.detection.teacher import (
     BoxLimits,
     Candidates,
@@ -171,13 +172,27 @@ def _candidates(
     background: Bool[np.ndarray, ' points'],
 ) -> Candidates:
     assert rules.teacher is not None
-    predicted = None if scene.prediction is None else scene.prediction.boxes
-    boxes = Boxes3D.empty() if predicted is None else predicted
+    boxes = _proposed(scene, rules.teacher, _object_context(scene, knowledge, rules.objects))
     known, sizes = scene.annotated.boxes, knowledge.ranges
     if sizes is None:
         sizes = size_ranges(np.zeros((0, 7)), np.zeros(0, dtype=np.int64), knowledge.mean_sizes)
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
     return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher)
+
+
+def _proposed(scene: SceneInputs, rules: TeacherRules, context: ObjectContext) -> Boxes3D:
+    """Boxes that the network predicts, or those around the instances that it makes."""
+    said = scene.prediction
+    if said is None:
+        return Boxes3D.empty()
+    if rules.source == 'boxes':
+        return Boxes3D.empty() if said.boxes is None else said.boxes
+    if said.centers is None:
+        raise ValueError(
+            "predicted_boxes.source: 'instances' needs where points vote to, which this network does not say"
+        )
+    found = predicted_instances(said.probabilities, said.centers, context.mean_sizes, rules.min_points)
+    return boxes_of_instances(context, found)
 
 
 def _objects_of_teacher(

@@ -10,6 +10,7 @@ from rm3d_plugin.regions import MergeRules
 from rm3d_plugin.structures.check_field import check_choice, check_field
 
 BoxKind = Literal['completed', 'tight', 'axis_aligned']
+Proposed = Literal['boxes', 'instances']
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,8 @@ class TeacherRules:
     """When a box that the network predicts becomes a pseudo box.
 
     Attributes:
+        source: 'boxes': what the network predicts as boxes. 'instances': boxes around the instances that its classes
+            and votes of points make (paper 3.4), of the kind :attr:`ObjectRules.box`.
         share: Share of the score that annotated objects of the class get (their median) from which a box is accepted;
             larger: fewer and purer.
         recognised: Probability that the points of annotated objects of a class must have for it (the median over the
@@ -99,6 +102,7 @@ class TeacherRules:
             geometry alone makes background.
     """
 
+    source: Proposed = 'boxes'
     share: float = 0.7
     recognised: float = 0.4
     size_ratio: float = 1.4
@@ -109,6 +113,7 @@ class TeacherRules:
     background: float | None = 0.95
 
     def __post_init__(self) -> None:
+        check_choice(self, 'source', get_args(Proposed))
         check_field(self, 'share', 0 < self.share <= 1, 'a share in (0, 1]')
         check_field(self, 'recognised', 0 <= self.recognised <= 1, 'a probability')
         check_field(self, 'size_ratio', self.size_ratio >= 1, 'at least 1')

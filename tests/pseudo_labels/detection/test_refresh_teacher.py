@@ -1,5 +1,7 @@
 """Labels of a scene from predicted boxes: an annotated car, an accepted one, a doubtful one, and background."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pseudo_labels.region_graphs import make_graph
@@ -72,6 +74,23 @@ def test_the_network_makes_background_only_where_it_is_sure_and_allowed():
     assert (refresh(scene(background=0.9)).labels.semantic[FREE] == -1).all()
     alone = refresh(scene(), background=None).labels.semantic
     assert (alone[FREE] == -1).all() and (alone[GROUND] == 1).all()
+
+
+def test_instances_propose_boxes_where_that_is_asked():
+    """Points of one class that vote for one place are an object, whatever boxes the network predicts."""
+    inputs = scene(scores=(0.0, 0.0, 0.0))
+    votes = inputs.xyz + [0.0, 0.0, 0.3]
+    votes[:36] = np.repeat([[x, 0.0, 1.0] for x in PLACES], EACH, axis=0)
+    rows = inputs.probabilities.copy()
+    rows[36:] = [0.1, 0.9]
+    inputs = replace(inputs, prediction=PointPrediction(rows, votes, inputs.prediction.boxes))
+    got = refresh(inputs, source='instances').labels
+    assert got.boxes.tensor[0, 0] == 10.0 and got.box_is_annotated.tolist() == [True, False, False, False]
+    assert got.boxes.scores.tolist() == pytest.approx([1.0, 0.8, 0.8, 0.8])
+    assert got.boxes.tensor[1:, 0] == pytest.approx(PLACES[1:], abs=1.3)  # its front or its back is seen
+    blind = replace(inputs, prediction=PointPrediction(rows, None, inputs.prediction.boxes))
+    with pytest.raises(ValueError, match=r"predicted_boxes\.source: 'instances' needs where points vote"):
+        refresh(blind, source='instances')
 
 
 def test_without_limits_nothing_is_accepted():
