@@ -1,12 +1,14 @@
 """A scan that is being labelled: what is computed once, and what every click changes."""
 
+import threading
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.annotation.label_check import LabelCheck, check_given
 from rm3d_plugin.annotation.object_fit import object_points
 from rm3d_plugin.annotation.suggestions import Suggester, Suggestion
 from rm3d_plugin.inference.label_scan import (
@@ -47,6 +49,7 @@ class AnnotatedScan:
         self._annotated = np.full(len(self.cloud), UNLABELLED, dtype=np.int64)
         self._instance = self._annotated
         self._suggested: set[int] = set()
+        self._answering = threading.Lock()
         self._drawn = drawn_points(len(self.cloud), np.zeros(0, dtype=np.int64), MOST_POINTS)
 
     # ------------------------------------------------------------------ computed once
@@ -124,8 +127,7 @@ class AnnotatedScan:
 
     def live(self, num_classes: int) -> LabelledScan:
         """What the labels say of every point, at once; near to :meth:`settled`."""
-        points, classes = self._on_drawn()
-        answer = self._live.answer(points, classes, num_classes)
+        answer = self._answer(num_classes, *self._on_drawn())
         said, known = answer.shares.argmax(axis=1), answer.shares.sum(axis=1) > 0
         semantic = np.where(known, said, UNLABELLED)[self._nearest]
         confidence = answer.shares.max(axis=1, initial=0.0)[self._nearest]
@@ -169,10 +171,38 @@ class AnnotatedScan:
             count: How many.
         """
         points, classes = self._on_drawn()
-        answer: LiveAnswer = self._live.answer(points, classes, num_classes)
+        answer = self._answer(num_classes, points, classes)
         found = self._suggester.suggest(answer, points, classes, self._suggested, count)
         self._suggested |= {each.point for each in found}
         return [each._replace(point=int(self._drawn[each.point])) for each in found]
+
+    def check(self, num_classes: int) -> LabelCheck:
+        """What the other labels say of each label; a label of a point that was not drawn is that of the nearest drawn.
+
+        Args:
+            num_classes: Number of classes.
+        """
+        found = check_given(self.scene, partial(self._answer, num_classes), *self._on_drawn())
+        return found._replace(points=self._drawn[found.points])
+
+    def agreement(self, num_classes: int) -> Float[np.ndarray, ' points']:
+        """Share that the other labels give to the label in a point's region, the least of several; NaN: none is asked.
+
+        Args:
+            num_classes: Number of classes.
+        """
+        found = self.check(num_classes)
+        asked = ~np.isnan(found.own)
+        least = np.full(int(self.region.max()) + 1, np.inf)
+        np.minimum.at(least, self.region[found.points[asked]], found.own[asked])
+        return np.where(np.isinf(least), np.nan, least)[self.region]
+
+    def _answer(
+        self, num_classes: int, points: Int[np.ndarray, ' labelled'], classes: Int[np.ndarray, ' labelled']
+    ) -> LiveAnswer:
+        """One at a time: a check of labels runs beside clicks."""
+        with self._answering:
+            return self._live.answer(points, classes, num_classes)
 
     def _on_drawn(self) -> tuple[Int[np.ndarray, ' labelled'], Int[np.ndarray, ' labelled']]:
         """Labelled points as drawn ones, each once: a point that was not drawn labels the one that stands for it."""

@@ -48,7 +48,7 @@ class ClickLog:
         if self.path.suffix != '.jsonl':
             raise ClickFileError(f'{path}: a log of clicks is named *.jsonl')
         log = self._open()
-        self.classes, self.colors = log.classes, log.colors
+        self.classes, self.colors, self.renamed = log.classes, log.colors, log.renamed
         self._standing, self._boxes, self._last = log.standing, log.boxes, log.last
         self._actions = log.actions
         self._size = self._forget_what_was_cut_off(log.size)
@@ -150,6 +150,7 @@ class ClickLog:
         if old not in self.classes or old in self._given or new == old or class_index(new, others) is not None:
             raise ClickFileError(f'{self.path}: rename {old!r} to {new!r}: expected a class added here and a free name')
         self._append({'rename': old, 'to': new})
+        self.renamed += (old,)
         self.classes = tuple(new if name == old else name for name in self.classes)
         if old in self.colors:
             self.colors[new] = self.colors.pop(old)
@@ -187,3 +188,9 @@ class ClickLog:
             self._size += len(line)
         finally:
             os.close(handle)
+
+
+def default_log(scans: Sequence[Path]) -> Path:
+    """Where the clicks of scans are kept."""
+    first = Path(scans[0])
+    return first.with_name(f'{first.stem}.clicks.jsonl' if len(scans) == 1 else 'clicks.jsonl')

@@ -1,10 +1,8 @@
 """The page in a browser: a scan to look at and to click, its labels, and where the next click is worth most."""
 
 import contextlib
-import html
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
@@ -13,21 +11,20 @@ import numpy as np
 import viser
 
 from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
+from rm3d_plugin.annotation.exchange_panel import ExchangePanel
+from rm3d_plugin.annotation.lasso import Lasso
 from rm3d_plugin.annotation.object_panel import ObjectPanel
-from rm3d_plugin.annotation.point_view import COLOR_BY, ColorBy, colors_by
 from rm3d_plugin.annotation.scan_picture import ScanPicture
 from rm3d_plugin.annotation.session import Session
+from rm3d_plugin.annotation.status import FIRST_KEYS, status_of
 from rm3d_plugin.annotation.training_panel import TrainingPanel
+from rm3d_plugin.annotation.view_panel import ViewPanel
 from rm3d_plugin.inference.label_scan import LabelledScan
-from rm3d_plugin.structures import UNLABELLED
 from rm3d_plugin.user_error import UserError
 
 Tool = Literal['point', 'region', 'lasso', 'eraser', 'accept region']
 TOOLS: tuple[Tool, ...] = get_args(Tool)
 SETTLE = 1.5  # seconds without an action, after which the labels are computed as they are written, with the estimate
-FIRST_KEYS = '123456789'
-CLOSES = 0.02  # of the picture: a click so near to the first corner closes a lasso
-BEFORE_EYE = 0.05  # of the distance to what is looked at: where a lasso is drawn
 
 
 class Outputs(NamedTuple):
@@ -49,6 +46,12 @@ class Outputs(NamedTuple):
 class AnnotationPage:
     """A session shown in a browser; it runs until :meth:`stop`.
 
+    Attributes:
+        name: Of the scan that is shown.
+        current: The scan.
+        labels: What the clicks say of it.
+        lock: Held by whoever acts, or shows something.
+
     Args:
         session: The scans and their clicks.
         out: Where what is saved goes.
@@ -57,18 +60,21 @@ class AnnotationPage:
 
     def __init__(self, session: Session, out: Outputs, port: int = 8080) -> None:
         self.session, self._out, self._trains = session, out, out.train
-        self._corners: list[tuple[Any, np.ndarray]] = []  # of a lasso: place in the picture, place in the scene
-        self._lock, self._settling = threading.RLock(), threading.Lock()
+        self.lock, self._settling = threading.RLock(), threading.Lock()
         self._timer: threading.Timer | None = None
         self._note, self._estimate, self._saved = '', '', 'nothing to save yet'
+        self._looked_at: set[tuple[str, int, int]] = set()  # labels that were shown to be checked: scan, point, class
         self.server = viser.ViserServer(host='127.0.0.1', port=port, label='rm3d annotate', verbose=False)
         self.server.scene.set_up_direction('+z')
         self.server.gui.configure_theme(dark_mode=True, show_logo=False)
         self.server.gui.main_panel.dock_right()
         self.picture = ScanPicture(self.server)
+        self.lasso = Lasso(self.picture)
         self._controls()
+        self.view = ViewPanel(self)
         self.objects = ObjectPanel(self, out.folder / 'boxes')
         self.training = TrainingPanel(self, out.folder, out.minutes, out.options)
+        self.exchange = ExchangePanel(self, out.folder)
         self._keys()
         self.server.scene.on_click()(self.guarded(self._clicked))
         self.server.scene.on_rect_select(modifier='shift')(self.guarded(self._dragged))
@@ -106,17 +112,11 @@ class AnnotationPage:
             ('Undo (ctrl z)', self._undo),
             ('Redo (ctrl shift z)', self._redo),
             ('Where to click next (space)', self._suggest),
+            ('Check a label (c)', self._check),
             ('Save', self._save),
         ):
             gui.add_button(name).on_click(self.guarded(_of_client(action)))
-        with gui.add_folder('View'):
-            self._by: Any = gui.add_dropdown('Colour by', COLOR_BY, initial_value='colour')
-            self._size = gui.add_slider('Point size', 0.25, 4.0, 0.25, 1.0)
-            self._heights = gui.add_multi_slider('Heights, %', 0, 100, 1, (0, 100))
         self._scan.on_update(self.guarded(lambda event: self._switch(self._scan.value)))
-        self._by.on_update(self.guarded(lambda event: self._paint()))
-        self._size.on_update(self.guarded(lambda event: self._draw()))
-        self._heights.on_update(self.guarded(lambda event: self._draw()))
 
     def _keys(self) -> None:
         gui = self.server.gui
@@ -127,6 +127,7 @@ class AnnotationPage:
             ('Undo', 'Z', 'cmd/ctrl', self._undo),
             ('Redo', 'Z', 'cmd/ctrl+shift', self._redo),
             ('Where to click next', 'space', None, self._suggest),
+            ('Check a label', 'C', None, self._check),
             ('Close the lasso', 'enter', None, self._close_lasso),
         ):
             command = gui.add_command(label, hotkey=key, modifier=modifier)  # type: ignore[arg-type]
@@ -134,10 +135,10 @@ class AnnotationPage:
 
     def _open(self, name: str) -> None:
         """Show a scan."""
-        self._current: AnnotatedScan = self.session.scan(name)
+        self.current: AnnotatedScan = self.session.scan(name)
         self.name, self._note, self._estimate = name, '', ''
-        self._labels: LabelledScan = self.session.labels(name)
-        self._draw()
+        self.labels: LabelledScan = self.session.labels(name)
+        self.view.opened()
         view = self.picture.overview()
         self.server.initial_camera.look_at = tuple(view.look_at)
         self.server.initial_camera.position = tuple(view.position)
@@ -155,53 +156,15 @@ class AnnotationPage:
         finally:
             self._scan.value = self.name
 
-    def _draw(self) -> None:
-        """Send the points that are shown."""
-        low, high = self._heights.value
-        self.picture.show(self._current, float(self._size.value), (low, high))
-        self._paint()
-
-    def _paint(self) -> None:
-        """Send colours."""
-        kind: ColorBy = self._by.value
-        colors = [self.session.color(name) for name in self.session.classes]
-        shown, labels, found = self.picture.shown, self._labels, self.training.difference()
-        semantic = labels.semantic[shown]
-        if kind == 'difference':
-            semantic = np.full(len(shown), UNLABELLED) if found is None else found.semantic[shown]
-        seen = replace(labels, semantic=semantic, confidence=labels.confidence[shown], region=labels.region[shown])
-        self.picture.paint(colors_by(kind, self._current.cloud.select(shown), seen, colors))
-
     def _marks(self) -> None:
         """Show clicks and boxes."""
-        self.picture.show_clicked(self._current.annotated)
+        self.picture.show_clicked(self.current.annotated)
         self.objects.draw()
-
-    def show_difference(self) -> None:
-        """Show what a training would change."""
-        self._by.value = 'difference'
-        self._paint()
 
     def _told(self) -> None:
         """Counts, estimate, suggestion and whether all is saved."""
-        rows, annotated = [], self._current.annotated
-        for number, name in enumerate(self.session.classes):
-            clicks = int(np.count_nonzero(annotated == number))
-            share = 100 * float((self._labels.semantic == number).mean())
-            key = FIRST_KEYS[number : number + 1]
-            rows.append(
-                f'<tr><td style="color:{self.session.color(name)}">&#9632;</td><td>{key}</td>'
-                f'<td>{html.escape(name)}</td><td>{clicks}</td><td>{share:.0f} %</td></tr>'
-            )
-        table = '<table><tr><th></th><th>key</th><th>class</th><th>clicked</th><th>of points</th></tr>'
-        lines = [self._note, self._estimate, self._saved]
-        text = ''.join(f'<p>{html.escape(line)}</p>' for line in lines if line)
-        self._status.content = f'<div style="padding:0.6em">{table}{"".join(rows)}</table>{text}</div>'
-
-    @staticmethod
-    def escaped(text: str) -> str:
-        """Text that a page may hold."""
-        return html.escape(text)
+        lines = [line for line in (self._note, self._estimate, self._saved) if line]
+        self._status.content = status_of(self.session, self.name, self.labels.semantic, lines)
 
     def _names(self) -> tuple[str, ...]:
         return self.session.classes or ('add a class first',)
@@ -210,7 +173,8 @@ class AnnotationPage:
 
     def _clicked(self, event: Any) -> None:
         if self._tool.value == 'lasso':
-            self._lasso(event)
+            if self.lasso.closed_by(event):
+                self._close_lasso(event.client)
             return
         point = self.picture.met(event)
         if point is None:
@@ -238,23 +202,9 @@ class AnnotationPage:
             self.session.brush(self.name, points, self._class_name(), self.objects.number)
         self.changed()
 
-    def _lasso(self, event: Any) -> None:
-        """Take a corner, or close the polygon by a click near the first."""
-        place = np.asarray(event.screen_pos, dtype=np.float64)
-        if len(self._corners) > 2 and np.abs(place - self._corners[0][0]).max() <= CLOSES:
-            self._close_lasso(event.client)
-            return
-        eye, way = np.asarray(event.ray_origin), np.asarray(event.ray_direction)
-        length = float(np.linalg.norm(np.asarray(event.client.camera.look_at) - eye))
-        self._corners.append((place, eye + BEFORE_EYE * length * way / np.linalg.norm(way)))
-        self.picture.show_lasso(np.array([corner for _, corner in self._corners]))
-
     def _close_lasso(self, client: Any) -> None:
         """Label what lies in the polygon; the picture must not have moved meanwhile."""
-        corners = np.array([place for place, _ in self._corners]).reshape(-1, 2)
-        self._corners = []
-        self.picture.show_lasso(np.zeros((0, 3)))
-        points = self.picture.in_lasso(client, corners) if len(corners) > 2 else []
+        points = self.lasso.close(client)
         if points:
             self._label(points)
         else:
@@ -276,17 +226,39 @@ class AnnotationPage:
         if not found:
             self.say(client, 'every place was suggested')
             return
-        self.picture.mark(found[0].point)
-        self._note = f'Click the red ball: {found[0].reason}'
+        self._show(client, found[0].point, f'Click the red ball: {found[0].reason}')
+
+    def _check(self, client: Any) -> None:
+        """Look at the label that the others contradict most, of those that nobody looked at."""
+        annotated = self.current.annotated
+        for each in self.session.contradicted(self.name):
+            label = (self.name, each.point, int(annotated[each.point]))
+            if label not in self._looked_at:
+                self._looked_at.add(label)
+                self._show(client, each.point, f'Is the red ball right? It is {each.reason}')
+                return
+        self.say(client, 'no label is left that the others contradict')
+
+    def _show(self, client: Any, point: int, note: str) -> None:
+        """Mark a point, look at it, and say why."""
+        self.picture.mark(point)
+        self._note = note
         for each in [client] if client is not None else self.server.get_clients().values():
-            self.picture.look_at(each, found[0].point)
+            self.picture.look_at(each, point)
         self._told()
 
     def _save(self, client: Any) -> None:
-        files = self.session.save(self._out.folder)
-        self._saved = 'saved: ' + ', '.join(str(path) for path in files)
-        self.say(client, self._saved)
+        before, self._saved = self._saved, 'saving ...'
         self._told()
+        try:
+            files = self.session.save(self._out.folder)
+            self._saved = 'saved: ' + ', '.join(str(path) for path in files)
+        except (UserError, OSError):
+            self._saved = before
+            raise
+        finally:
+            self._told()
+        self.say(client, self._saved)
 
     def _choose(self, number: int, event: Any) -> None:
         if number < len(self.session.classes):
@@ -325,36 +297,39 @@ class AnnotationPage:
 
     def changed(self) -> None:
         """Show the labels of the clicks that stand; the settled ones follow when nobody clicks."""
-        self._labels = self.session.labels(self.name)
+        self.labels = self.session.labels(self.name)
         self._note, self._estimate = '', 'estimate: when you pause'
         self._saved = 'every click is kept; the labels are not written yet: Save'
-        if self._by.value in ('colour', 'intensity', 'height') and (self._labels.semantic != UNLABELLED).any():
-            self._by.value = 'class'
-        self._paint()
+        self.view.show_labels()
         self._marks()
         self._told()
+        self._settle_in(SETTLE)
+
+    def _settle_in(self, seconds: float) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = threading.Timer(SETTLE, self._settle)
+        self._timer = threading.Timer(seconds, self._settle)
         self._timer.daemon = True
         self._timer.start()
 
     def _settle(self) -> None:
         """Show the labels as they are written; they are computed beside clicks, and dropped where one came first."""
         with self._settling, self._saying(None):
-            with self._lock:
-                name, shown, labelled = self.name, self._labels, (self._current.annotated >= 0).any()
+            with self.lock:
+                name, shown, labelled = self.name, self.labels, (self.current.annotated >= 0).any()
             found = self.session.settled(name) if labelled else shown
-            with self._lock:
-                if self._labels is shown:
-                    self._labels, self._estimate = found, found.remark() if labelled else ''
-                    self._paint()
+            with self.lock:
+                if self.labels is shown:
+                    self.labels, self._estimate = found, found.remark() if labelled else ''
+                    self.view.paint()
                     self._told()
                     self._train_if_asked()
 
+        self.view.compare()
+
     def _train_if_asked(self) -> None:
         """Start the training of ``--train``, once, as soon as there are labels of two classes."""
-        annotated = self._current.annotated
+        annotated = self.current.annotated
         if self._trains and np.unique(annotated[annotated >= 0]).size > 1:
             self._trains = False
             self.training.start()
@@ -372,8 +347,17 @@ class AnnotationPage:
         """One action at a time; what a person can cause is said on the page, and nothing is lost."""
 
         def run(event: Any) -> None:
-            with self._lock, self._saying(getattr(event, 'client', None)):
+            with self.lock, self._saying(getattr(event, 'client', None)):
                 act(event)
+
+        return run
+
+    def beside(self, act: Callable[[], None]) -> Callable[[], None]:
+        """Work beside actions; what goes wrong is said to all."""
+
+        def run() -> None:
+            with self._saying(None):
+                act()
 
         return run
 

@@ -12,7 +12,7 @@ from rm3d_plugin.inference.label_scan import LabelledScan
 from rm3d_plugin.structures import PointCloud
 from rm3d_plugin.visualization.palette import GREY, region_colors
 
-ColorBy = Literal['colour', 'intensity', 'height', 'class', 'confidence', 'region', 'difference']
+ColorBy = Literal['colour', 'intensity', 'height', 'class', 'confidence', 'region', 'check', 'difference']
 COLOR_BY: tuple[ColorBy, ...] = get_args(ColorBy)
 SHOWN = 400_000  # points of the picture, at most; labels are on all
 REACH = 0.006  # of the distance from the eye: as near a ray must pass a point to meet it, beside the point's own size
@@ -46,7 +46,8 @@ def colors_by(
     """Colours of points; what a scan lacks is shown by height instead.
 
     Args:
-        kind: What the colours tell; of a difference the labels hold only what would change.
+        kind: What the colours tell; of a difference the labels hold only what would change. Of a check the confidence
+            is that of the other labels, from red to blue, NaN where there is none.
         cloud: The scan.
         labels: Of its points.
         class_colors: ``#rrggbb`` of each class.
@@ -58,6 +59,11 @@ def colors_by(
         return _bytes(region_colors(labels.region) * _shade(cloud))
     if kind == 'confidence':
         return _mapped('magma', labels.confidence, 0.0, 1.0)
+    if kind == 'check':
+        seen = np.where(
+            np.isnan(labels.confidence)[:, None], to_rgb(GREY), colormaps['RdYlBu'](labels.confidence)[:, :3]
+        )
+        return _bytes(seen * _shade(cloud))
     if kind == 'colour' and cloud.colors is not None:
         return _bytes(cloud.colors)
     if kind == 'intensity' and cloud.intensity is not None:

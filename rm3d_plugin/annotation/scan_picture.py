@@ -18,7 +18,8 @@ from rm3d_plugin.annotation.point_view import (
 )
 from rm3d_plugin.structures import Boxes3D
 
-MOST_DOTS = 5000  # labelled points that are marked
+MOST_DOTS = 5000  # labelled points that are marked, at most
+DOTS_APART = 20  # times the distance between points: of a class one dot in a cell so wide
 MARK = 'suggestion'
 NEAR = 60  # times the distance between points: from there a suggestion is looked at
 EDGES = np.array([(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)])
@@ -36,6 +37,7 @@ class ScanPicture:
 
     Attributes:
         shown: Points of the picture, after :meth:`show`.
+        dots: Where labels were given, after :meth:`show_clicked`.
 
     Args:
         server: Of the page.
@@ -45,17 +47,18 @@ class ScanPicture:
         self._scene = server.scene
         self._mark: Any = None
 
-    def show(self, scan: AnnotatedScan, size: float, heights: tuple[float, float]) -> None:
+    def show(self, scan: AnnotatedScan, size: float, heights: tuple[float, float], most: int = SHOWN) -> None:
         """Choose the points that are shown; :meth:`paint` sends them.
 
         Args:
             scan: The scan.
             size: Of a point; 1: as wide as the gaps between points.
             heights: Percent of the points that are below the lowest and the highest one shown.
+            most: Points that are shown, at most.
         """
         self._xyz, self._spacing = scan.cloud.xyz, scan.scene.spacing
         low, high = np.percentile(self._xyz[:, 2], np.asarray(heights, dtype=np.float64))
-        step = -(-len(self._xyz) // SHOWN)
+        step = -int(-len(self._xyz) // most)
         every = np.arange(0, len(self._xyz), step)
         self.shown: Int[np.ndarray, ' shown'] = every[(self._xyz[every, 2] >= low) & (self._xyz[every, 2] <= high)]
         self._width = size * self._spacing * float(np.sqrt(step)) / 2  # half of what is drawn, as viser counts
@@ -69,13 +72,16 @@ class ScanPicture:
             self._cloud.colors = colors
 
     def show_clicked(self, annotated: Int[np.ndarray, ' points']) -> None:
-        """Show where labels were given."""
+        """Show where labels were given: a dot for each click, and few for a stroke, which would hide the scan."""
         points = np.flatnonzero(annotated >= 0)
         points = points[:: -(-len(points) // MOST_DOTS) or 1]
         if not len(points):
             self._scene.remove_by_name('clicks')
             return
-        self._points('clicks', points, np.full((len(points), 3), 255, np.uint8), 3 * self._width)
+        cells = np.floor(self._xyz[points] / (DOTS_APART * self._spacing))
+        points = points[np.unique(np.column_stack([cells, annotated[points]]), axis=0, return_index=True)[1]]
+        white = np.full((len(points), 3), 255, np.uint8)
+        self.dots: Any = self._points('clicks', points, white, 3 * self._width)
 
     def _points(self, name: str, points: np.ndarray, colors: np.ndarray, width: float) -> Any:
         return self._scene.add_point_cloud(

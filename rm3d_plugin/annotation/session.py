@@ -6,19 +6,31 @@ from operator import index
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from rm3d_plugin.annotation.annotated_scan import AnnotatedScan
-from rm3d_plugin.annotation.click_log import Action, ClickLog
+from rm3d_plugin.annotation.click_log import Action, ClickLog, default_log
+from rm3d_plugin.annotation.label_check import contradicted
+from rm3d_plugin.annotation.label_exchange import export_clicks, import_clicks, import_labels
 from rm3d_plugin.annotation.objects import Objects
 from rm3d_plugin.annotation.suggestions import Suggestion
 from rm3d_plugin.class_names import class_index
 from rm3d_plugin.inference.given_labels import GivenLabels, PointLabels
-from rm3d_plugin.inference.label_files import SAME, LabelOptions, check_outputs, write_scan
+from rm3d_plugin.inference.label_files import (
+    SAME,
+    LabelOptions,
+    Summary,
+    WrittenScan,
+    check_outputs,
+    summary_of,
+    write_scan,
+)
 from rm3d_plugin.inference.label_scan import LabelledScan
 from rm3d_plugin.inference.predict import check_names
-from rm3d_plugin.label_budgets.clicks import point_numbers, resolve_clicks
-from rm3d_plugin.storage import Click, ClickFileError, read_clicks, write_clicks
+from rm3d_plugin.inference.scan_kind import scan_kind
+from rm3d_plugin.label_budgets.clicks import point_numbers
+from rm3d_plugin.storage import Click, ClickFileError
+from rm3d_plugin.storage.click_log_lines import class_row
 from rm3d_plugin.storage.locks import process_lock
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
 from rm3d_plugin.visualization.palette import class_color
@@ -38,7 +50,7 @@ class Session:
         scans: Files that can be read, each of another name.
         log: The ``.jsonl`` file of the clicks; a session that is there is taken up. None: ``NAME.clicks.jsonl`` beside
             the only scan, ``clicks.jsonl`` beside the first of several.
-        classes: Names of classes that are there from the start.
+        classes: Names of classes that are there from the start; one that was given another name since is there.
         columns: What the columns of tables hold, see :func:`rm3d_plugin.storage.scans.read_scan`.
         drop_nan: Pass over points whose place is NaN; numbers of points count the others, and labels of a saved scan
             are -1 there. Else such a scan is refused.
@@ -67,13 +79,16 @@ class Session:
         self._paths = {scan.stem: Path(scan) for scan in scans}
         self.columns, self._drop_nan, self._open = columns, drop_nan, dict[str, AnnotatedScan]()
         path = log or default_log(scans)
+        for name in classes:
+            class_row(name, None, path)
         self._lock = contextlib.ExitStack()
         self._lock.enter_context(process_lock(path.with_name(path.name + '.lock')))
         try:
             self.log = ClickLog(path)
             self._check_scenes()
+            known = [*self.log.classes, *self.log.renamed]  # a class that has another name now is there
             for name in classes:
-                if class_index(name, self.log.classes) is None:
+                if class_index(name, known) is None:
                     self.add_class(name)
         except BaseException:
             self.close()
@@ -196,14 +211,9 @@ class Session:
             ClickFileError: There is no such class, or the lines cannot be written.
         """
         self._checked_points(scan, points)
-        self.act(
-            Action(
-                [
-                    [Click(scan, number, index=point) for point in points[classes == number].tolist()]
-                    for number in np.unique(classes).tolist()
-                ]
-            )
-        )
+        found = np.unique(classes).tolist()
+        groups = [[Click(scan, each, index=point) for point in points[classes == each].tolist()] for each in found]
+        self.act(Action(groups))
 
     def erase(self, scan: str, points: Iterable[int]) -> None:
         """Take the labels of points away, one action; points without a label stay so."""
@@ -252,6 +262,28 @@ class Session:
         """Points whose label would tell most, with reasons; a place is suggested once in a session."""
         return self.scan(scan).suggest(len(self.classes), count)
 
+    def contradicted(self, scan: str) -> list[Suggestion]:
+        """Labels that may be mistakes, since the others name another class there: the surest first, with what they say.
+
+        The score is the share of what the others say that is for the class that they name.
+        """
+        opened = self.scan(scan)
+        check = opened.check(len(self.classes))
+        given = opened.annotated[check.points]
+        return [
+            Suggestion(
+                int(check.points[row]),
+                f'labelled {self.classes[given[row]]}, the other labels say {self.classes[check.said[row]]} '
+                f'({100 * check.share[row]:.0f} %)',
+                float(check.share[row]),
+            )
+            for row in contradicted(check, given)
+        ]
+
+    def agreement(self, scan: str) -> Float[np.ndarray, ' points']:
+        """Share that the other labels give to the label in the region of each point; NaN: none is asked there."""
+        return self.scan(scan).agreement(len(self.classes))
+
     def labelled_scans(self) -> list[str]:
         """Names of the scans that have a label."""
         clicked = [name for name in self.scans if self.log.actions(name)]
@@ -259,6 +291,8 @@ class Session:
 
     def save(self, out: Path, kind: str = SAME) -> list[Path]:
         """Write every scan that has a label with its classes, confidences and regions; returns the files.
+
+        ``labels.json`` beside them names the classes, as that of ``rm3d label`` does.
 
         Args:
             out: Folder.
@@ -274,15 +308,22 @@ class Session:
             raise SceneError('nothing to save: no point is labelled yet')
         check_outputs([self._paths[name] for name in labelled], [self.log.path], out, LabelOptions(format=kind))
         files: list[Path] = []
+        given = GivenLabels(self.classes, tuple(range(len(self.classes))), {})
+        summary = Summary(out, given)
         for name in labelled:
-            scan = self.scan(name)
-            found = self.settled(name, check=False)
-            if kind == SAME:
-                found, columns = scan.at_every_row(found), scan.columns
-            else:
-                columns = {each: values[scan.has_place] for each, values in scan.columns.items()}
-            files += write_scan(scan.path, columns, scan.cloud, found, self._given(name), out, kind)
+            scan, found = self.scan(name), self.settled(name, check=False)
+            own = self._write(name, found, out, kind)
+            summary.add(name, summary_of(WrittenScan(scan.path, scan_kind(scan.cloud), found, own), given))
+            files += own
         return files
+
+    def _write(self, name: str, found: LabelledScan, out: Path, kind: str) -> list[Path]:
+        scan = self.scan(name)
+        if kind == SAME:
+            found, columns = scan.at_every_row(found), scan.columns
+        else:
+            columns = {each: values[scan.has_place] for each, values in scan.columns.items()}
+        return write_scan(scan.path, columns, scan.cloud, found, self._given(name), out, kind)
 
     # ------------------------------------------------------------------ clicks of other programs
 
@@ -292,24 +333,18 @@ class Session:
         Raises:
             ClickFileError, BudgetError: The file cannot be used, or a click is on no point of its scan.
         """
-        clicks = read_clicks(path, self.classes)
-        unknown = sorted({click.scene for click in clicks} - set(self._paths))
-        if unknown:
-            raise ClickFileError(f'{path}: scene {unknown[0]!r} is none of the scans: {", ".join(self._paths)}')
-        groups: dict[tuple[str, int, int], list[Click]] = {}
-        for scene in dict.fromkeys(click.scene for click in clicks):
-            own = [click for click in clicks if click.scene == scene]
-            found = resolve_clicks(own, self.scan(scene).cloud)
-            for point, semantic, instance in zip(*(each.tolist() for each in found), strict=True):
-                same = groups.setdefault((scene, semantic, instance), [])
-                same.append(Click(scene, semantic, instance, index=point))
-        self.act(Action(list(groups.values())))
-        return sum(map(len, groups.values()))
+        return import_clicks(self, path)
 
     def export_clicks(self, path: Path) -> Path:
         """Write the clicks that stand, with the place of each in world coordinates: CSV, JSON or a log."""
-        write_clicks(path, [click for name in self.scans for click in self._placed(name)], self.classes)
-        return path
+        return export_clicks(self, path)
+
+    def import_labels(self, scan: str, path: Path, field: str = 'label') -> int:
+        """Take over the labels in a field of a file of the same points, one action; returns how many.
+
+        See :func:`~rm3d_plugin.annotation.label_exchange.import_labels`.
+        """
+        return import_labels(self, scan, path, field)
 
     # ------------------------------------------------------------------ inside
 
@@ -340,20 +375,6 @@ class Session:
         nothing = np.full(len(scan.cloud), UNLABELLED, dtype=np.int64)
         scan.set_labels(*_labelled(nothing, nothing, self.log.actions(name), scan.cloud))
 
-    def _placed(self, name: str) -> list[Click]:
-        """The clicks that stand in a scan, each with number and place."""
-        actions = self.log.actions(name)
-        if not actions:
-            return []
-        cloud = self.scan(name).cloud
-        last = dict(zip(point_numbers(actions, cloud).tolist(), actions, strict=True))
-        standing = {point: click for point, click in last.items() if click.semantic >= 0}
-        places = (cloud.xyz[list(standing)].astype(np.float64) + np.asarray(cloud.origin)).tolist()
-        return [
-            Click(name, click.semantic, click.instance, point, (x, y, z))
-            for (point, click), (x, y, z) in zip(standing.items(), places, strict=True)
-        ]
-
     def _given(self, scan: str) -> GivenLabels:
         points = np.flatnonzero(self.scan(scan).annotated >= 0)
         labels = {scan: PointLabels(points, self.scan(scan).annotated[points])}
@@ -373,9 +394,3 @@ def _labelled(
     annotated[points] = [click.semantic for click in clicks]
     instance[points] = [click.instance for click in clicks]
     return annotated, instance
-
-
-def default_log(scans: Sequence[Path]) -> Path:
-    """Where the clicks of scans are kept."""
-    first = Path(scans[0])
-    return first.with_name(f'{first.stem}.clicks.jsonl' if len(scans) == 1 else 'clicks.jsonl')

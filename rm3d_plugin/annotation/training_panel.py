@@ -1,5 +1,6 @@
 """Training on the page: a process beside it, and its labels as a difference that is accepted in parts."""
 
+import html
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -129,7 +130,7 @@ class TrainingPanel:
         changes = int((found.semantic >= 0).sum())
         self._say(f'{"" if found.heard else NO_SAY + "; "}{changes} points would change')
         self._list()
-        self._page.show_difference()
+        self._page.view.show('difference')
 
     def _list(self) -> None:
         session, found = self._page.session, self._difference()
@@ -138,4 +139,4 @@ class TrainingPanel:
         self._class.value = ALL
 
     def _say(self, text: str) -> None:
-        self._told.content = f'<p style="padding:0 0.6em">{self._page.escaped(text)}</p>'
+        self._told.content = f'<p style="padding:0 0.6em">{html.escape(text)}</p>'

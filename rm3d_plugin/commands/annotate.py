@@ -10,6 +10,7 @@ from rm3d_plugin.annotation.demo_room import write_demo_room
 from rm3d_plugin.annotation.session import Session
 from rm3d_plugin.commands.numbers import number, whole
 from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.work_dir import check_folder
 from rm3d_plugin.inference.predict import find_scans
 from rm3d_plugin.storage.columns import ENDINGS
 
@@ -38,8 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise ConfigError(f'annotate: needs {error.name}: pip install "rm3d_plugin[annotate]"') from error
     scans = [write_demo_room(DEMO)] if args.demo else find_scans(args.scans, ENDINGS)
     out = args.out or scans[0].parent / 'labelled'
+    check_folder(out)
     with Session(scans, args.log, args.classes, args.columns, args.drop_nan) as session:
-        print(f'{len(scans)} scans; clicks: {session.log.path}; labels: {out}', flush=True)
+        print(f'{_counted(scans)}; clicks: {session.log.path}; labels: {out}', flush=True)
         session.scan(session.scans[0])  # before the page, so that a scan that cannot be read is all that is said
         print('neighbours and features of the first scan ...', flush=True)
         outputs = Outputs(out, args.train or MINUTES, args.train is not None, tuple(args.cfg_options))
@@ -52,6 +54,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 time.sleep(1.0)
         finally:
             page.stop()
+
+
+def _counted(scans: Sequence[Path]) -> str:
+    return f'{len(scans)} scans' if len(scans) > 1 else str(scans[0])
 
 
 def _parser() -> argparse.ArgumentParser:

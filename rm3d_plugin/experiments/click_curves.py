@@ -9,7 +9,6 @@ from jaxtyping import Float, Int
 from rm3d_plugin.experiments.benchmarks.propagate_clicks import Scan
 from rm3d_plugin.experiments.next_click import ClickChooser, Next
 from rm3d_plugin.pseudo_labels.propagation.live import LivePropagation
-from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label
 from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
 
 NEAREST, OURS = 'nearest click', 'ours'  # how labels spread
@@ -50,8 +49,7 @@ def curves_of(scan: Scan, scores: Sequence[str], seeds: Sequence[int], clicks: i
         for name in scores:
             points, right = _clicked(scan, live, chooser.by(name, seed), clicks, seed)
             yield Curve(scan.name, name, OURS, seed, right)
-            by_nearest = [nearest_right(scan, points[: count + 1]) for count in range(len(points))]
-            yield Curve(scan.name, name, NEAREST, seed, by_nearest)
+            yield Curve(scan.name, name, NEAREST, seed, nearest_right(scan, points))
 
 
 def _clicked(
@@ -77,11 +75,16 @@ def _clicked(
     return clicked, right
 
 
-def nearest_right(scan: Scan, points: Int[np.ndarray, ' clicked']) -> float:
-    """Percent right where each point is called as the nearest click."""
-    return percent_right(
-        scan.semantic[points][nearest_label(scan.cloud.xyz, points, np.arange(len(points)))], scan.semantic
-    )
+def nearest_right(scan: Scan, points: Int[np.ndarray, ' clicked']) -> list[float]:
+    """Percent right after each click where each point is called as the nearest click so far."""
+    xyz = scan.cloud.xyz.astype(np.float64)
+    least, said, right = np.full(len(xyz), np.inf), np.zeros(len(xyz), dtype=np.int64), list[float]()
+    for point in points.tolist():
+        away = np.square(xyz - xyz[point]).sum(axis=1)
+        nearer = away < least
+        least[nearer], said[nearer] = away[nearer], scan.semantic[point]
+        right.append(percent_right(said, scan.semantic))
+    return right
 
 
 def most_right(semantic: Int[np.ndarray, ' points'], clicks: int) -> list[float]:

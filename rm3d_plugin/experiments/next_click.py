@@ -61,7 +61,7 @@ class ClickChooser:
 
         def chosen(answer: LiveAnswer, points: Int[np.ndarray, ' clicked'], seen: set[int]) -> int | None:
             if name == 'chance' or (not len(points) and (seed or name != 'ours')):
-                return int(generator.choice(np.setdiff1d(self._asked, points)))
+                return int(generator.choice(self._asked[~np.isin(self._asked, points)]))
             return choose(answer, points, seen)
 
         return chosen

@@ -99,8 +99,7 @@ def field_labels(
     """
     raw: dict[str, Int[np.ndarray, ' points']] = {}
     for scan in scans:
-        las = scan.suffix.lower() in ('.las', '.laz') and field.lower() == 'classification'
-        raw[scan.stem] = _field_values(field, scan, columns, (*unlabelled, *(LAS_UNLABELLED if las else ())))
+        raw[scan.stem] = field_values(field, scan, columns, unlabelled)
     every = np.unique(np.concatenate([values[values >= 0] for values in raw.values()]))
     _check_classes(scans, f'field {field!r}', set(every.tolist()))
     found = {}
@@ -123,8 +122,12 @@ def _check_classes(scans: Sequence[Path], where: str, classes: set[int]) -> None
         )
 
 
-def _field_values(field: str, scan: Path, columns: str | None, unlabelled: Sequence[int]) -> Int[np.ndarray, ' points']:
-    """The values of the field; -1 where they say nothing."""
+def field_values(
+    field: str, scan: Path, columns: str | None = None, unlabelled: Sequence[int] = ()
+) -> Int[np.ndarray, ' points']:
+    """The values of a field of a scan; -1 where they say nothing. Arguments and errors: :func:`field_labels`."""
+    if scan.suffix.lower() in ('.las', '.laz') and field.lower() == 'classification':
+        unlabelled = (*unlabelled, *LAS_UNLABELLED)
     table = read_columns(scan, columns)
     found = [name for name in table if field in (name, name.lower(), name.lower().removeprefix('scalar_'))]
     if not found:

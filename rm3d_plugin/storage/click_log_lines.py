@@ -35,6 +35,7 @@ class LoggedClicks(NamedTuple):
         size: Bytes of whole lines; what follows was cut off.
         classes: Names that clicks are numbered by.
         colors: Name -> colour as ``#rrggbb``, of classes that have one.
+        renamed: Names that classes had before.
     """
 
     standing: dict[int, list[Click]]
@@ -44,12 +45,14 @@ class LoggedClicks(NamedTuple):
     size: int
     classes: tuple[str, ...]
     colors: dict[str, str]
+    renamed: tuple[str, ...]
 
 
 class _Log(NamedTuple):
     standing: dict[int, Line]
     last: int
     colors: dict[str, str | None]  # of the classes that the log itself names
+    renamed: tuple[str, ...]
 
 
 def read_click_log(path: str | Path, classes: Sequence[str]) -> LoggedClicks:
@@ -64,7 +67,7 @@ def read_click_log(path: str | Path, classes: Sequence[str]) -> LoggedClicks:
     clicks = {number: _clicks_of_line(line, known) for number, line in log.standing.items() if 'box' not in line[1]}
     boxes = {number: box_from_row(*line, known) for number, line in log.standing.items() if 'box' in line[1]}
     colors = {name: of for name, of in log.colors.items() if of}
-    return LoggedClicks(clicks, boxes, _actions(log.standing), log.last, size, known, colors)
+    return LoggedClicks(clicks, boxes, _actions(log.standing), log.last, size, known, colors, log.renamed)
 
 
 def log_line(row: Mapping[str, Any]) -> str:
@@ -152,7 +155,7 @@ def _followed(path: Path, lines: Sequence[Line]) -> _Log:
         raise ClickFileError(f'{path} line 1: expected {json.dumps(LOG_HEAD)}; this is no log of clicks')
     standing: dict[int, Line] = {}
     colors: dict[str, str | None] = {}
-    last = 0
+    last, renamed = 0, list[str]()
     for where, row in lines[1:]:
         if 'undo' in row:
             if not isinstance(row['undo'], int) or standing.pop(row['undo'], None) is None:
@@ -164,6 +167,7 @@ def _followed(path: Path, lines: Sequence[Line]) -> _Log:
             colors[name] = named.get('color') or colors.get(name)
         elif 'rename' in row:
             colors = _renamed(where, row, colors)
+            renamed.append(str(row['rename']))
             standing = {number: _with_class(line, row) for number, line in standing.items()}
         else:
             last += 1
@@ -171,7 +175,7 @@ def _followed(path: Path, lines: Sequence[Line]) -> _Log:
             kind = 'box' if 'box' in row else 'click'
             if row.get(kind) != last:
                 raise ClickFileError(f'{where}: {kind}: expected number {last}, got {row.get(kind)!r}')
-    return _Log(standing, last, colors)
+    return _Log(standing, last, colors, tuple(renamed))
 
 
 def _actions(standing: Mapping[int, Line]) -> list[list[int]]:

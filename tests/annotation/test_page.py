@@ -69,10 +69,30 @@ def test_a_click_labels_the_point_under_it_and_the_picture_follows(opened):
     xyz = page.session.scan('corner').cloud.xyz
     near = np.linalg.norm(xyz[labelled][:, None] - xyz[points], axis=2).min(axis=0)
     assert len(labelled) == 2 and near.max() < 0.3
-    assert page._by.value == 'class' and (page._labels.semantic == semantic).mean() > 0.85
+    assert page.view.by.value == 'class' and (page.labels.semantic == semantic).mean() > 0.85
     assert 'every click is kept' in page._status.content
     page._undo(Client())
     assert (page.session.scan('corner').annotated >= 0).sum() == 1
+
+
+def test_fewer_points_can_be_shown_and_labels_are_on_all(opened, monkeypatch):
+    page, semantic = opened
+    assert len(page.picture.shown) == 1800
+    monkeypatch.setattr(page.view, 'most', SimpleNamespace(value=0.5))
+    page.view.draw()
+    assert page.picture.shown.tolist() == list(range(0, 1800, 4))
+    page.guarded(page._clicked)(at(page, 4))
+    assert len(page.labels.semantic) == 1800 and (page.labels.semantic >= 0).all()
+
+
+def test_a_stroke_is_marked_by_few_dots_and_clicks_of_two_classes_by_one_each(opened):
+    page, _ = opened
+    page.session.brush('corner', range(900), 'floor')
+    page.session.click('corner', 450, 'wall')
+    page.changed()
+    assert 2 <= len(page.picture.dots.points) <= 10
+    xyz = page.session.scan('corner').cloud.xyz
+    assert np.abs(page.picture.dots.points - xyz[450]).max(axis=1).min() < 1e-6
 
 
 def test_what_cannot_be_is_said_on_the_page(opened):
@@ -116,6 +136,18 @@ def test_a_full_disk_is_said_and_loses_nothing(opened, monkeypatch):
     assert (page.session.scan('corner').annotated >= 0).sum() == 1
 
 
+def test_what_could_not_be_saved_is_said_and_can_be_saved_again(opened, monkeypatch):
+    page, semantic = opened
+    client = Client()
+    page.guarded(page._clicked)(at(page, few(semantic, 1)[0], client))
+    with monkeypatch.context() as patched:
+        patched.setattr(page.session, 'save', lambda out: (_ for _ in ()).throw(OSError(28, 'No space left on device')))
+        page.guarded(lambda event: page._save(client))(SimpleNamespace(client=client))
+    assert 'No space left' in client.told[-1] and 'not written yet: Save' in page._status.content
+    page.guarded(lambda event: page._save(client))(SimpleNamespace(client=client))
+    assert client.told[-1].startswith('saved: ') and 'saved: ' in page._status.content
+
+
 def test_the_suggestion_is_shown_and_the_labels_settle_with_what_is_known_of_them(opened):
     page, semantic = opened
     client = Client()
@@ -152,7 +184,7 @@ def test_a_lasso_labels_what_it_holds(opened):
     local = xyz[found] - xyz[semantic == 0].min(axis=0)
     assert 200 < len(found) <= 18 * 18 and (semantic[found] == 0).all()
     assert (local[:, :2] > 0.25).all() and (local[:, :2] < 2.05).all()
-    assert len(page._corners) == 0 and page.session.undo() and not page.session.log.clicks
+    assert page.session.undo() and not page.session.log.clicks
     page.guarded(lambda event: page._close_lasso(event.client))(SimpleNamespace(client=client))
     assert client.told[-1].startswith('no point in the lasso')
 
@@ -224,3 +256,43 @@ def test_a_click_need_not_wait_for_the_labels_to_settle_and_overtakes_them(opene
     page._settle()
     assert (page.session.scan('corner').annotated >= 0).sum() == 2
     assert 'estimate: when you pause' in page._status.content  # the answer to one click is not shown for two
+
+
+def test_a_label_that_the_others_contradict_is_shown_once(opened):
+    page, semantic = opened
+    client, wrong = Client(), int(few(semantic, 7)[6])
+    for point in few(semantic, 6).tolist():
+        page.session.click('corner', point, page.session.classes[semantic[point]])
+    page.session.click('corner', wrong, 'wall')
+    page.changed()
+    page._check(client)
+    assert 'Is the red ball right? It is labelled wall, the other labels say floor' in page._status.content
+    place = page.session.scan('corner').cloud.xyz[wrong]
+    np.testing.assert_allclose(page.picture._mark.position, place, atol=1e-6)
+    page.view.by.value = 'check'
+    page.view.compare()
+    red, green, blue = page.picture._cloud.colors[page.picture.shown.tolist().index(wrong)]
+    assert red > 2 * blue and red > 2 * green
+    for _ in range(8):
+        page._check(client)
+    assert client.told[-1] == 'no label is left that the others contradict'
+
+
+def test_labels_of_a_file_come_in_and_clicks_go_out(opened):
+    page, semantic = opened
+    client, panel = Client(), page.exchange
+    panel._file.value = str(page._out.folder / 'nothing.csv')
+    page.guarded(panel._import)(SimpleNamespace(client=client))
+    assert 'no such file of labels' in client.told[-1]
+    page._out.folder.mkdir()
+    panel._file.value = str(page._out.folder / 'given.csv')
+    (page._out.folder / 'given.csv').write_text('scene,index,class\ncorner,1,floor\ncorner,1001,wall\n')
+    page.guarded(panel._import)(SimpleNamespace(client=client))
+    assert client.told[-1] == '2 labels of given.csv (undo takes them back)'
+    page.guarded(panel._export)(SimpleNamespace(client=client))
+    assert [click.index for click in read_clicks(page._out.folder / 'clicks.csv', ('floor', 'wall'))] == [1, 1001]
+    page._save(client)
+    panel._file.value = str(page._out.folder / 'corner.ply')
+    page.guarded(panel._import)(SimpleNamespace(client=client))
+    assert client.told[-1] == '1800 labels of corner.ply (undo takes them back)'
+    assert (page.session.scan('corner').annotated >= 0).all()

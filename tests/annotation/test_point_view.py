@@ -74,6 +74,14 @@ def test_colours_tell_what_they_are_asked_for():
     )  # it has none
 
 
+def test_what_other_labels_contradict_is_red_and_what_nobody_asked_is_grey():
+    cloud = PointCloud(np.array([[0, 0, 0], [0, 0, 1], [0, 0, 2.0]]), colors=np.ones((3, 3)))
+    nobody = np.zeros(3, dtype=np.int64)
+    labels = LabelledScan.spread(nobody, np.array([0.0, 1.0, np.nan]), nobody, np.array([2]))
+    (red, *_), (*_, blue), grey = colors_by('check', cloud, labels, ['#102030']).astype(int)
+    assert red > 80 and blue > 70 and len(set(grey.tolist())) == 1
+
+
 def test_a_place_under_a_roof_is_looked_at_from_the_side():
     place, up = np.zeros(3), np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(clearest_way(FLOOR, place, up, 1.5), up)

@@ -277,3 +277,18 @@ def test_an_import_is_one_undo_after_a_restart_too(scan, tmp_path):
         session.import_clicks(exported)
     with started(scan[0]) as again:
         assert again.undo() and annotated_points(again) == {5: FLOOR}
+
+
+def test_a_class_that_was_renamed_is_there_when_the_same_command_starts_again(scan):
+    with started(scan[0]) as session:
+        session.click('corner', 5, 'floor')
+        session.rename_class('floor', 'ground')
+    with started(scan[0]) as again:
+        assert again.classes == ('ground', 'wall') and annotated_points(again) == {5: FLOOR}
+        assert again.add_class('floor') == 2  # who wants it, may have it
+
+
+def test_a_name_that_is_none_leaves_no_file_behind(scan):
+    with pytest.raises(ClickFileError, match='a class needs a name'):
+        Session([scan[0]], classes=['floor', ' '])
+    assert not scan[0].with_name('corner.clicks.jsonl').exists()
