@@ -134,9 +134,7 @@ losses = [
 ]
 method_loss = None  # of a compared method
 method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
-labels_from = (
-    'network'  # whose predictions make labels; 'teacher': its running mean, with method_hook='${mean_teacher}'
-)
+labels_from = 'network'  # whose predictions make labels; 'teacher': its running mean (method_hook='${mean_teacher}')
 mean_teacher = dict(type='EMATeacherHook', momentum=0.99)
 pseudo_geometry = 1.0  # how far pseudo boxes teach where a box lies; 0: annotated ones alone do
 vote_loss = dict(type='VoteNetLoss', loss_weight=10.0, pseudo_geometry='${pseudo_geometry}')

@@ -148,6 +148,8 @@ pseudo_weight = 1.0  # of a label that the budget did not show
 annotated_share = 0.2  # of L_WSL that annotated labels have; those that propagate are mostly of wide flat things
 method_loss = None  # of a compared method
 method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
+labels_from = 'network'  # whose predictions make labels; 'teacher': its running mean (method_hook='${mean_teacher}')
+mean_teacher = dict(type='EMATeacherHook', momentum=0.99)
 point_loss = dict(
     type='WeakSupervision',
     balance='${class_balance}',
@@ -232,6 +234,7 @@ custom_hooks = [
         warm_up_rounds='${warm_up_rounds}',
         dataloader='${label_dataloader}',
         label_maker='${label_maker}',
+        labels_from='${labels_from}',
     ),
     '${method_hook}',
     dict(type='SafeCheckpointHook'),
