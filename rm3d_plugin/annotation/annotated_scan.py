@@ -127,7 +127,8 @@ class AnnotatedScan:
 
     def live(self, num_classes: int) -> LabelledScan:
         """What the labels say of every point, at once; near to :meth:`settled`."""
-        answer = self._answer(num_classes, *self._on_drawn())
+        points, classes, _ = self._on_drawn()
+        answer = self._answer(num_classes, points, classes)
         said, known = answer.shares.argmax(axis=1), answer.shares.sum(axis=1) > 0
         semantic = np.where(known, said, UNLABELLED)[self._nearest]
         confidence = answer.shares.max(axis=1, initial=0.0)[self._nearest]
@@ -146,7 +147,7 @@ class AnnotatedScan:
         if not len(labelled):
             return self.live(num_classes)
         on_drawn = np.full(len(self._drawn), UNLABELLED, dtype=np.int64)
-        points, classes = self._on_drawn()
+        points, classes, _ = self._on_drawn()
         on_drawn[points] = classes
         found = label_prepared(self.scene, on_drawn, num_classes, check, 0, Beside())
         found = at_all_points(found, self.cloud, self._drawn)
@@ -170,20 +171,20 @@ class AnnotatedScan:
             num_classes: Number of classes.
             count: How many.
         """
-        points, classes = self._on_drawn()
+        points, classes, _ = self._on_drawn()
         answer = self._answer(num_classes, points, classes)
         found = self._suggester.suggest(answer, points, classes, self._suggested, count)
         self._suggested |= {each.point for each in found}
         return [each._replace(point=int(self._drawn[each.point])) for each in found]
 
     def check(self, num_classes: int) -> LabelCheck:
-        """What the other labels say of each label; a label of a point that was not drawn is that of the nearest drawn.
+        """What the other labels say of each label; of labels that one drawn point stands for, of the first.
 
         Args:
             num_classes: Number of classes.
         """
-        found = check_given(self.scene, partial(self._answer, num_classes), *self._on_drawn())
-        return found._replace(points=self._drawn[found.points])
+        points, classes, own = self._on_drawn()
+        return check_given(self.scene, partial(self._answer, num_classes), points, classes)._replace(points=own)
 
     def agreement(self, num_classes: int) -> Float[np.ndarray, ' points']:
         """Share that the other labels give to the label in a point's region, the least of several; NaN: none is asked.
@@ -204,11 +205,16 @@ class AnnotatedScan:
         with self._answering:
             return self._live.answer(points, classes, num_classes)
 
-    def _on_drawn(self) -> tuple[Int[np.ndarray, ' labelled'], Int[np.ndarray, ' labelled']]:
-        """Labelled points as drawn ones, each once: a point that was not drawn labels the one that stands for it."""
+    def _on_drawn(
+        self,
+    ) -> tuple[Int[np.ndarray, ' labelled'], Int[np.ndarray, ' labelled'], Int[np.ndarray, ' labelled']]:
+        """Labelled points as drawn ones, each once, their classes, and which points they are of the scan.
+
+        A point that was not drawn labels the one that stands for it.
+        """
         labelled = np.flatnonzero(self._annotated >= 0)
         points, first = np.unique(self._nearest[labelled], return_index=True)
-        return points, self._annotated[labelled][first]
+        return points, self._annotated[labelled][first], labelled[first]
 
     def _counts(self, num_classes: int) -> Int[np.ndarray, ' classes']:
         return np.bincount(self._annotated[self._annotated >= 0], minlength=num_classes)

@@ -8,10 +8,10 @@ import numpy as np
 from rm3d_plugin.annotation.click_log import Action
 from rm3d_plugin.class_names import class_index
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.inference.given_labels import field_values
+from rm3d_plugin.inference.given_labels import MOST_CLASSES, field_values
 from rm3d_plugin.inference.label_files import SUMMARY
 from rm3d_plugin.label_budgets.clicks import point_numbers, resolve_clicks
-from rm3d_plugin.storage import Click, ClickFileError, read_clicks, read_json, write_clicks
+from rm3d_plugin.storage import Click, ClickFileError, content_of, read_clicks, read_json, write_clicks
 from rm3d_plugin.structures import SceneError
 
 if TYPE_CHECKING:
@@ -85,6 +85,12 @@ def import_labels(session: 'Session', scan: str, path: Path, field: str) -> int:
         raise ConfigError(f'{path}: field {field!r} labels no point')
     found, place = np.unique(values[points], return_inverse=True)
     names, numbers = _names(path.parent / SUMMARY), []
+    fresh = {names.get(value, str(value)) for value in found.tolist()} - set(session.classes)
+    if len(fresh) + len(session.classes) > MOST_CLASSES:
+        raise ConfigError(
+            f'{path}: field {field!r} would make {len(fresh)} classes; expected {MOST_CLASSES} in all at most: does it '
+            'hold labels?'
+        )
     for value in found.tolist():
         name = names.get(value, str(value))
         number = class_index(name, session.classes)
@@ -97,4 +103,5 @@ def _names(path: Path) -> dict[int, str]:
     """Names of values, where a summary beside the labels tells them."""
     if not path.is_file():
         return {}
-    return {int(each['label']): str(each['name']) for each in read_json(path)['classes']}
+    with content_of(path, 'the names of labels'):
+        return {int(each['label']): str(each['name']) for each in read_json(path)['classes']}

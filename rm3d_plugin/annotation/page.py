@@ -17,6 +17,7 @@ from rm3d_plugin.annotation.object_panel import ObjectPanel
 from rm3d_plugin.annotation.scan_picture import ScanPicture
 from rm3d_plugin.annotation.session import Session
 from rm3d_plugin.annotation.status import FIRST_KEYS, status_of
+from rm3d_plugin.annotation.suggestions import Suggestion
 from rm3d_plugin.annotation.training_panel import TrainingPanel
 from rm3d_plugin.annotation.view_panel import ViewPanel
 from rm3d_plugin.inference.label_scan import LabelledScan
@@ -63,6 +64,7 @@ class AnnotationPage:
         self.lock, self._settling = threading.RLock(), threading.Lock()
         self._timer: threading.Timer | None = None
         self._note, self._estimate, self._saved = '', '', 'nothing to save yet'
+        self._doubts: list[Suggestion] | None = None  # labels that the others contradict; None: not looked for yet
         self._looked_at: set[tuple[str, int, int]] = set()  # labels that were shown to be checked: scan, point, class
         self.server = viser.ViserServer(host='127.0.0.1', port=port, label='rm3d annotate', verbose=False)
         self.server.scene.set_up_direction('+z')
@@ -136,7 +138,7 @@ class AnnotationPage:
     def _open(self, name: str) -> None:
         """Show a scan."""
         self.current: AnnotatedScan = self.session.scan(name)
-        self.name, self._note, self._estimate = name, '', ''
+        self.name, self._note, self._estimate, self._doubts = name, '', '', None
         self.labels: LabelledScan = self.session.labels(name)
         self.view.opened()
         view = self.picture.overview()
@@ -230,13 +232,19 @@ class AnnotationPage:
 
     def _check(self, client: Any) -> None:
         """Look at the label that the others contradict most, of those that nobody looked at."""
-        annotated = self.current.annotated
-        for each in self.session.contradicted(self.name):
+        annotated, doubts = self.current.annotated, self._doubts
+        if doubts is None:
+            self._note = 'checking every label by the others ...'
+            self._told()
+            doubts = self._doubts = self.session.contradicted(self.name)
+            self._note = ''
+        for each in doubts:
             label = (self.name, each.point, int(annotated[each.point]))
             if label not in self._looked_at:
                 self._looked_at.add(label)
                 self._show(client, each.point, f'Is the red ball right? It is {each.reason}')
                 return
+        self._told()
         self.say(client, 'no label is left that the others contradict')
 
     def _show(self, client: Any, point: int, note: str) -> None:
@@ -297,7 +305,7 @@ class AnnotationPage:
 
     def changed(self) -> None:
         """Show the labels of the clicks that stand; the settled ones follow when nobody clicks."""
-        self.labels = self.session.labels(self.name)
+        self.labels, self._doubts = self.session.labels(self.name), None
         self._note, self._estimate = '', 'estimate: when you pause'
         self._saved = 'every click is kept; the labels are not written yet: Save'
         self.view.show_labels()
@@ -324,8 +332,7 @@ class AnnotationPage:
                     self.view.paint()
                     self._told()
                     self._train_if_asked()
-
-        self.view.compare()
+            self.view.compare()
 
     def _train_if_asked(self) -> None:
         """Start the training of ``--train``, once, as soon as there are labels of two classes."""

@@ -48,8 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise ConfigError('--more: a network predicts these scans; add --train MINUTES')
     options = LabelOptions(args.format, args.columns, not args.no_check, args.seed)
     clicks = [] if args.clicks is None else [args.clicks]
-    scans = _other_than(clicks, find_scans(args.scans, ENDINGS))
-    more = _other_than([*clicks, *scans], find_scans(args.more, ENDINGS)) if args.more else []
+    scans = _other_than(clicks, find_scans(_other_than(clicks, args.scans), ENDINGS))
+    more = _other_than([*clicks, *scans], find_scans(_other_than(clicks, args.more), ENDINGS)) if args.more else []
     check_outputs([*scans, *more], clicks, args.out, options)
     training = None if args.train is None else TrainingOptions(args.train, args.cfg_options, place=not more)
     given = (

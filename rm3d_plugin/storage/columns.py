@@ -292,8 +292,9 @@ def _tell_wide(width: int, path: Path) -> None:
     Raises:
         SceneError: It cannot be one of the usual 4.
     """
+    read = 'expected' if width % USUAL else 'read as'
     told = (
-        f'{path}: looks like {width} float32 a point; expected {USUAL} ({RECORDS[USUAL]}); if it is so, name them: '
+        f'{path}: looks like {width} float32 a point; {read} {USUAL} ({RECORDS[USUAL]}); if it is so, name them: '
         f"columns='x y z intensity{' -' * (width - USUAL)}', - for what is passed over"
     )
     if width % USUAL:
@@ -323,7 +324,8 @@ def _by_name(arrays: Mapping[str, np.ndarray], path: Path, names: str | None) ->
         )
     rows = arrays[first].shape[:1]
     out: dict[str, np.ndarray] = {}
-    for name, values in arrays.items():
+    for name in sorted(arrays, key=lambda name: name == first):  # what has a name of its own goes before
+        values = arrays[name]
         known = name.lower() in _BLOCKS or name.lower() in _ALIASED
         if values.shape[:1] != rows or values.ndim not in (1, 2):
             if known:
@@ -331,23 +333,26 @@ def _by_name(arrays: Mapping[str, np.ndarray], path: Path, names: str | None) ->
             continue  # what is not about points: a transform, a name, an origin
         if not known and values.dtype.kind not in _NUMBERS:
             continue  # names, times
-        found = _named(values, path, names) if name == first and values.ndim == 2 else None
-        parts = _parts_of(name, values, path) if found is None or values.shape[1] == 3 else found
+        wide = name == first and values.ndim == 2 and values.shape[1] not in (1, 3)
+        parts = _named(values, path, names) if wide else _parts_of(name, values, path)
         if twice := sorted(parts.keys() & out.keys()):
-            raise SceneError(f'{path}: {name}: {twice[0]} is there already, in another array; keep one of them')
-        out |= parts
+            warnings.warn(f'{path}: {", ".join(twice)} of {name} passed over: another array has it, too', stacklevel=5)
+        out = parts | out
     return out
 
 
 def _parts_of(name: str, values: np.ndarray, path: Path) -> dict[str, np.ndarray]:
     """The columns of one array; alpha behind red, green and blue is passed over."""
     block, width = _BLOCKS.get(name.lower(), ()), 1 if values.ndim == 1 else values.shape[1]
-    if width == 1 and not block:
+    if width == 1:
         return {name: values.reshape(-1)}
     if width == len(block) or (block == RGB and width == len(RGB) + 1):
         return {part: values[:, i] for i, part in enumerate(block)}
     if block or name.lower() in _ALIASED:
-        raise SceneError(f'{path}: {name}: shape {values.shape}; expected {len(block) or 1} numbers a point')
+        warnings.warn(
+            f'{path}: {name} has shape {values.shape}, expected {len(block) or 1} a point: read as {name}_0 and so on',
+            stacklevel=6,
+        )
     return {f'{name}_{i}': values[:, i] for i in range(width)}
 
 

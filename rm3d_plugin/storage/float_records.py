@@ -1,6 +1,7 @@
 """Points as raw float32 records: how many numbers each has is in no header."""
 
 import string
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ _RINGS = 31  # the highest ring of a lidar of 32
 _FAR = 20.0  # times nine tenths of the numbers
 _ODD = 0.2  # share of numbers that make no sense
 _CLEAR = 0.2  # a width is told where the logarithm of the scatter within columns is so much lower
+_PATTERN = 1.0  # the same for multiples of 4: lidars fire in patterns, so every second point is alike, too
 
 
 def float_width(data: bytes, name: str = '') -> int:
@@ -44,10 +46,16 @@ def float_width(data: bytes, name: str = '') -> int:
     numbers = np.clip(numbers, -greatest, greatest)  # one stray point is no reason for another width
     fitting = [width for width in (*RECORDS, *WIDER) if len(data) % (4 * width) == 0 or width == USUAL]
     scatter = {width: _scatter(numbers, width) for width in fitting}
-    least = min(scatter.values())
-    if scatter[USUAL] < least + _CLEAR:
-        return USUAL
-    return min(width for width in fitting if scatter[width] < least + _CLEAR)  # twice 3 is as good as 3
+    for kind in (RECORDS, WIDER):  # a pattern of points makes twice 5 as good as 5, and better
+        clear = [
+            width
+            for width in fitting
+            if width in kind and scatter[width] <= scatter[USUAL] - (_CLEAR if width % USUAL else _PATTERN)
+        ]
+        least = min((scatter[width] for width in clear), default=np.inf)
+        if clear:
+            return min(width for width in clear if scatter[width] < least + _CLEAR)  # twice 3 is as good as 3
+    return USUAL
 
 
 def _scatter(numbers: np.ndarray, width: int) -> float:
@@ -107,6 +115,8 @@ def check_float_width(data: bytes, width: int, path: Path) -> None:
             f'{path}: looks like {found} columns of float32 a point ({RECORDS.get(found, "of unknown meaning")}); '
             f'expected {width}; save the first {width} alone'
         )
+    if found != width:
+        warnings.warn(f'{path}: looks like {found} float32 a point; read as {width}', stacklevel=3)
     if len(data) % (4 * width):
         raise SceneError(
             f'{path}: {len(data)} bytes are no multiple of {4 * width} ({width} float32 a point); cut off?'

@@ -77,7 +77,7 @@ def read_pcd(path: str | Path) -> dict[str, np.ndarray]:
             named |= {field.name: values[:, 0]} if field.width == 1 else _numbered(field.name, values)
     for name in ('rgb', 'rgba'):
         if name in named:
-            named |= _unpacked(named.pop(name))
+            named |= _unpacked(named.pop(name), header.form == 'ascii')
     return named
 
 
@@ -201,14 +201,14 @@ def _need(path: Path, got: int, expected: int) -> None:
         raise SceneError(f'{path}: {got} bytes of points, expected {expected}; cut off? copy it again')
 
 
-def _unpacked(rgb: np.ndarray) -> dict[str, np.ndarray]:
+def _unpacked(rgb: np.ndarray, from_text: bool) -> dict[str, np.ndarray]:
     """Red, green and blue from the lowest 24 bits, whatever type they travel in; NaN where text lost them."""
     bits = rgb.astype(np.float32).view(np.uint32) if rgb.dtype.kind == 'f' else rgb.astype(np.uint32)
-    if rgb.dtype.kind == 'f' and ((rgb == 0) | ((rgb >= 1) & (rgb < 1 << 24) & (rgb % 1 == 0))).all():
+    if rgb.dtype.kind == 'f' and ((rgb == 0) | ((rgb >= 1) & (rgb < 1 << 24) & (rgb == np.floor(rgb)))).all():
         bits = rgb.astype(np.uint32)  # the number, not its bits
     shifts = (('red', 16), ('green', 8), ('blue', 0))
     parts = {name: (bits >> shift & 255).astype(np.uint8) for name, shift in shifts}
-    lost = bits == _NAN_OF_TEXT
+    lost = np.isnan(rgb) if from_text and rgb.dtype.kind == 'f' else bits == _NAN_OF_TEXT
     return {name: np.where(lost, np.nan, values) for name, values in parts.items()} if lost.any() else parts
 
 

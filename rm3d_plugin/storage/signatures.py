@@ -41,4 +41,6 @@ def check_signature(path: Path) -> None:
         first = file.read(32)
     for begin, endings, what, advice in SIGNATURES:
         if first.startswith(begin) and path.suffix.lower() not in endings:
+            if path.suffix.lower() == '.npy' and '.npz' in endings:
+                raise SceneError(f'{path}: holds an archive, not one array; name it .npz')
             raise SceneError(f'{path}: is {what}, not {path.suffix}; {advice}')

@@ -16,6 +16,7 @@ _DECIMAL_COMMA = re.compile(r'[-+]?(\d+(,\d*)?|,\d+)([eE][-+]?\d+)?')
 _THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+(\.\d*)?')
 _COMMENT = ('#', '//')
 _SHOWN = 4096  # bytes in which the first line is looked for
+_LOOKED_AT = 20  # rows in which commas between thousands are looked for
 
 
 class TextLayout(NamedTuple):
@@ -138,20 +139,29 @@ def _row_separator(line: str, header_separator: str) -> tuple[str, bool]:
 
 
 def _check_thousands(path: Path, text: bytes, layout: TextLayout) -> None:
-    """Whether commas in the first row part thousands: ``412,345.67 5,123,456.78 120.5``.
+    """Whether commas in the first rows part thousands: ``412,345.67 5,123,456.78 120.5``.
+
+    Behind places ``100,200,250`` are red, green and blue.
 
     Raises:
-        SceneError: Every word is a number, and such a one is among them.
+        SceneError: Every word is a number, and places have such commas, or a number with a point behind them.
     """
-    line = text[layout.start :].partition(b'\n')[0].decode('utf-8', errors='replace')
-    words = [word for word in (word.strip() for word in line.split(layout.separator or None)) if word]
-    grouped = [word for word in words if _THOUSANDS.fullmatch(word)]
-    plain = all(_THOUSANDS.fullmatch(word) or _NUMBER.fullmatch(word) for word in words)
-    if grouped and plain and not layout.decimal_comma:
+    lines = text[layout.start : layout.start + _SHOWN].decode('utf-8', errors='replace').splitlines()[:_LOOKED_AT]
+    rows = [[word.strip() for word in line.split(layout.separator or None)] for line in lines if line.strip()]
+    if layout.decimal_comma or not all(_of_numbers(row) for row in rows[:1]):
+        return
+    grouped = [word for word in (rows[0] if rows else ()) if _THOUSANDS.fullmatch(word) and '.' in word]
+    if not grouped and rows and all(any(map(_THOUSANDS.fullmatch, row[:3])) for row in rows):
+        grouped = [word for word in rows[0][:3] if _THOUSANDS.fullmatch(word)]
+    if grouped:
         number = text.count(b'\n', 0, layout.start) + 1
         raise SceneError(
             f'{path}, line {number}: {grouped[0]!r} seems to have commas between thousands; export it without'
         )
+
+
+def _of_numbers(words: list[str]) -> bool:
+    return all(_THOUSANDS.fullmatch(word) or _NUMBER.fullmatch(word) for word in words if word)
 
 
 def _is_number(word: str) -> bool:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from reference.corner_scan import FLOOR, WALL, corner, few
 
-from rm3d_plugin.annotation import Session
+from rm3d_plugin.annotation import Session, annotated_scan
 from rm3d_plugin.storage.ply import write_ply
 
 
@@ -61,6 +61,23 @@ def test_a_stroke_is_left_out_as_a_whole(labelled):
     session.undo()
     assert found[0] in stroke and len(set(found) & set(stroke)) == 1  # one place of the list
     assert session.scan('corner').annotated[wrong] == WALL
+
+
+def test_labels_of_points_that_are_not_drawn_are_checked_as_they_were_given(tmp_path, monkeypatch):
+    monkeypatch.setattr(annotated_scan, 'MOST_POINTS', 600)
+    xyz, semantic = corner()
+    path = write_ply(tmp_path / 'corner.ply', {axis: xyz[:, i] for i, axis in enumerate('xyz')})
+    with Session([path], classes=['floor', 'wall', 'lamp']) as session:
+        hidden = np.setdiff1d(np.arange(len(xyz)), session.scan('corner')._drawn)
+        for own in (FLOOR, WALL):
+            for point in hidden[semantic[hidden] == own][::90][:6].tolist():
+                session.click('corner', point, session.classes[own])
+        assert session.contradicted('corner') == []
+        middle = np.linalg.norm(xyz[hidden] - [1.5, 0.5, 0.0], axis=1)
+        wrong = int(hidden[middle.argmin()])
+        session.click('corner', wrong, 'wall')
+        (found,) = session.contradicted('corner')
+        assert found.point == wrong and found.reason.startswith('labelled wall, the other labels say floor')
 
 
 def test_without_labels_there_is_nothing_to_check(tmp_path):

@@ -6,7 +6,7 @@ from reference.corner_scan import corner
 
 from rm3d_plugin.annotation import Session
 from rm3d_plugin.engine.config import ConfigError
-from rm3d_plugin.storage import read_json
+from rm3d_plugin.storage import DamagedFileError, read_json
 from rm3d_plugin.storage.ply import read_ply, write_ply
 from rm3d_plugin.structures import SceneError
 
@@ -69,4 +69,11 @@ def test_what_cannot_be_imported_is_told_and_changes_nothing(tmp_path):
         ]:
             with pytest.raises(error, match=words):
                 session.import_labels('corner', file, field)
+        (tmp_path / 'times').mkdir()
+        times = write_ply(tmp_path / 'times' / 'corner.ply', columns_of(gps=np.arange(1800, dtype=np.int32)))
+        with pytest.raises(ConfigError, match="'gps' would make 1800 classes; expected 1000 in all at most"):
+            session.import_labels('corner', times, 'gps')
+        (tmp_path / 'times' / 'labels.json').write_text('{"classes": ["floor", "wall"]}')
+        with pytest.raises(DamagedFileError, match=r'labels\.json: is not the names of labels'):
+            session.import_labels('corner', times, 'gps')
         assert session.log.path.read_bytes() == before

@@ -167,7 +167,7 @@ NUMBERS = np.arange(1, 10, dtype='<f4').tobytes()
         ('a.laz', b'<!DOCTYPE html><html>', 'is a web page'),
         ('a.txt', ply(FLOATS, b'1 2 3\n' * 2, before='ascii 1.0\n'), r'is a PLY file, not \.txt; name it \.ply'),
         ('a.bin', saved(np.zeros((9, 4), np.float32)), r'is an array of numpy, not \.bin; name it \.npy'),
-        ('a.npy', b'PK\x03\x04', 'is a zip archive'),
+        ('a.npy', b'PK\x03\x04', r'holds an archive, not one array; name it \.npz'),
         ('a.txt', '412,345.67 5,123,456.78 120.5\n', r"line 1: '412,345\.67' seems to have commas between thousands"),
         ('a.txt', 'x\ty\tz\n412,345\t5,123,456\t120\n', "line 2: '412,345' seems to have commas between thousands"),
         ('a.txt', '1_000 2 3\n', "'1_000' is not a number"),
@@ -196,6 +196,7 @@ def test_what_it_is_and_what_to_do(tmp_path, name, content, told):
         ('a.ply', ply(FLOATS, b'1 2 3\n4 5 6\n3 0 1 1\n', before='ascii 1.0\n',
                       after='element face 1\nproperty list uchar int i\n'), ''),
         ('a.txt', '1,2.5,3 100,200,250\n4,5.5,6 1,2,3\n', ''),
+        ('a.txt', '1.5 2.5 3 100,200,250\n4 5 6 1,2,3\n', ''),
     ],
 )  # fmt: skip
 def test_points_and_what_is_said_of_them(tmp_path, name, content, told):
@@ -207,6 +208,19 @@ def test_points_and_what_is_said_of_them(tmp_path, name, content, told):
 def test_eight_numbers_a_point_may_be_four_in_a_pattern(tmp_path):
     eight = np.c_[points(), points(500)[:, ::-1] * 9].astype('<f4')
     assert 'looks like 8 float32 a point' in read(tmp_path, 'a.bin', eight.tobytes())[1]
+
+
+@pytest.mark.parametrize('width', [4, 5])
+def test_a_lidar_that_fires_low_and_high_in_turn_has_no_wider_points(tmp_path, width):
+    """Sixteen lasers, every second one below the horizon: two points together scatter less than one."""
+    ring = np.tile([0, 8, 1, 9, 2, 10, 3, 11, 4, 12, 5, 13, 6, 14, 7, 15], 300)
+    turn, range_ = np.linspace(0, 2 * np.pi, len(ring)), 8 + np.sin(np.arange(len(ring)) / 90)
+    high = np.tan(np.deg2rad(2 * ring - 15.0)) * range_
+    strength = np.random.default_rng(0).uniform(0, 1, len(ring))
+    rows = np.c_[range_ * np.cos(turn), range_ * np.sin(turn), high, strength, ring][:, :width].astype('<f4')
+    scan, said = read(tmp_path, 'a.bin', rows.tobytes())
+    np.testing.assert_array_equal(scan.cloud.xyz, rows[:, :3])
+    assert ('read as 5 float32' in said) if width == 5 else said == ''
 
 
 @pytest.mark.parametrize(
@@ -223,9 +237,10 @@ def test_packed_colours(tmp_path, kind, numbers, red):
 
 
 def test_colours_that_text_lost(tmp_path):
-    body = b'1 2 3 nan\n1 2 3 2.3418052e-38\n'
-    scan, said = read(tmp_path, 'a.pcd', pcd((*PLACE, 'rgb:F:4'), body))
-    assert scan.cloud.colors[:, 0].tolist() == [0, 1] and 'colors: 1 of 2 points are NaN' in said
+    for lost in (b'nan', b'-nan'):
+        body = b'1 2 3 ' + lost + b'\n1 2 3 2.3418052e-38\n'
+        scan, said = read(tmp_path, 'a.pcd', pcd((*PLACE, 'rgb:F:4'), body))
+        assert scan.cloud.colors[:, 0].tolist() == [0, 1] and 'colors: 1 of 2 points are NaN' in said
 
 
 def test_arrays_of_an_archive(tmp_path):
@@ -237,10 +252,15 @@ def test_arrays_of_an_archive(tmp_path):
     upper = told(X=xyz[:, 0], Y=xyz[:, 1], Z=xyz[:, 2], note=np.array(['a'] * 500))
     np.testing.assert_array_equal(upper.cloud.xyz, xyz.astype(np.float32))
     assert told(XYZ=xyz, colors=np.full((500, 4), [255, 0, 0, 7])).cloud.colors[0].tolist() == [1, 0, 0]
-    with pytest.raises(SceneError, match=r'label: shape \(500, 3\); expected 1 number'):
+    apart = told(x=xyz[:, :1], y=xyz[:, 1:2], z=xyz[:, 2:], rgb=np.full(500, 0xFF0000, np.uint32))
+    np.testing.assert_array_equal(apart.cloud.xyz, xyz.astype(np.float32))
+    with pytest.warns(UserWarning, match=r'label has shape \(500, 3\), expected 1 a point: read as label_0'):
         told(xyz=xyz, label=np.zeros((500, 3), int))
-    with pytest.raises(SceneError, match='x is there already, in another array'):
-        told(xyz=xyz, x=xyz[:, 0])
+    with pytest.warns(UserWarning, match='x of xyz passed over: another array has it, too'):
+        assert told(xyz=xyz, x=xyz[:, 0] + 1).cloud.xyz[:, 0].tolist() == (xyz[:, 0] + 1).astype(np.float32).tolist()
+    with pytest.warns(UserWarning, match='intensity of points passed over'):
+        strong = told(points=np.c_[xyz, np.zeros(500)], intensity=np.ones(500))
+    assert strong.cloud.intensity.tolist() == [1.0] * 500
     with pytest.raises(SceneError, match="array 'meta': it holds Python objects"):
         told(xyz=xyz, meta=np.array({}, dtype=object))
 

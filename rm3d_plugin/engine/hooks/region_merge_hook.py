@@ -152,13 +152,24 @@ class RegionMergeHook(Hook):
         if self.label_maker.source.extends(number):
             self.label_maker.extend_budget(number, self.predictions(self._asked(runner.model), said))
             self._tell_model(runner.model)
+            if self.labels_from == 'teacher':
+                self._tell_model(self._asked(runner.model))
         self.label_maker.refresh_all(number, self.predictions(self._asked(runner.model), said))
         barrier()
         return self._close(number, runner) if is_main_process() else Seconds()
 
     def _asked(self, model: Any) -> Any:
-        """Whose predictions make the labels."""
-        return _unwrapped(model).teacher if self.labels_from == 'teacher' else model
+        """Whose predictions make the labels.
+
+        Raises:
+            ConfigError: The teacher begins later.
+        """
+        if self.labels_from == 'network':
+            return model
+        teacher = _unwrapped(model).teacher
+        if teacher is None:
+            raise ConfigError('labels_from: the teacher begins after these labels; lower mean_teacher.start')
+        return teacher
 
     def _close(self, number: int, runner: Runner) -> Seconds:
         """Check, evaluate and close a round; what evaluating took, which is no part of the method."""
