@@ -39,6 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds and memory by scan."""
+    if args.clicks < 0 or min(args.points, default=1) < 1:
+        raise ConfigError(
+            f'--points, --clicks: expected points from 1 and clicks from 0, got {args.points}, {args.clicks}'
+        )
     out: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder:
         for count in args.points:
