@@ -29,8 +29,8 @@ test: $(STAMP)
 # rm3d annotate in Chromium (Debian: apt-get install chromium); the processor draws its graphics, so a machine that is too
 # busy is told and passed over. A page that draws and gives a wrong answer, or none, fails.
 browser: $(STAMP)
-	RM3D_BROWSER=1 timeout -k 10 360 $(BIN)/python -m pytest -q -s -rs tests/annotation/test_browser.py || \
-	  case $$? in 124|137) echo 'browser: not done in 360 s, too busy a machine: passed over';; *) exit 1;; esac
+	RM3D_BROWSER=1 timeout -k 10 270 $(BIN)/python -m pytest -q -s -rs tests/annotation/test_browser.py || \
+	  case $$? in 124|137) echo 'browser: not done in 270 s, too busy a machine: passed over';; *) exit 1;; esac
 
 fuzz: $(STAMP)
 	RM3D_FUZZ=3000 $(BIN)/python -m pytest -q tests/storage/test_fuzz_readers.py

@@ -79,7 +79,7 @@ def draw_labels(source: LabelSource, out: Path, title: str, max_scenes: int = 8,
         ConfigError: ``out`` has another ending, or clicks are asked for where boxes are drawn.
     """
     ending = out.suffix.lower()
-    check_targets([out, out / 'clicks.csv'], _inputs(source), out)
+    check_targets([out / 'clicks.csv', *([] if out.is_dir() else [out])], _inputs(source), out)
     if ending in CLICK_ENDINGS:
         return [_write_clicks(out, source)]
     if ending not in ('', '.html') and not out.is_dir():

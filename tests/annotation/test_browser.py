@@ -33,7 +33,7 @@ from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # noqa: E402
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 GRAPHICS = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']
 LIFETIME = 130  # seconds of a browser; half of that without load
-ENDS = time.monotonic() + 240  # of all browsers together
+ENDS = time.monotonic() + 210  # of all browsers together
 MINUTES = 4.0  # of a training
 PATIENCE = 30  # seconds for one answer, and longer
 FRAMES = 300  # until the page has drawn so many: on a slow machine an answer comes late

@@ -10,7 +10,6 @@ from rm3d_plugin.commands.annotate import main
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments.benchmarks import clicks_to_quality as bench
 from rm3d_plugin.storage.ply import read_ply
-from rm3d_plugin.structures import SceneError
 
 
 @pytest.mark.parametrize('words', [[], ['scan.ply', '--demo']])
@@ -28,7 +27,7 @@ def test_a_port_is_one_and_a_missing_scan_leaves_no_log(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(['scan.ply', '--port', '70000'])
     assert 'expected a whole number from 1 to 65535, got 70000' in capsys.readouterr().err
-    with pytest.raises(SceneError, match=r'scan\.ply: no such file'):
+    with pytest.raises(ConfigError, match=r'scan\.ply: no such file'):
         main([str(tmp_path / 'scan.ply'), '--classes', 'road'])
     assert not list(tmp_path.iterdir())
 
