@@ -323,7 +323,7 @@ def _by_name(arrays: Mapping[str, np.ndarray], path: Path, names: str | None) ->
             f'{path}: holds {listed(sorted(arrays))}; expected xyz (N, 3), points (N, 3 or more), or x, y, z'
         )
     rows = arrays[first].shape[:1]
-    out: dict[str, np.ndarray] = {}
+    out: dict[str, dict[str, np.ndarray]] = {}
     for name in sorted(arrays, key=lambda name: name == first):  # what has a name of its own goes before
         values = arrays[name]
         known = name.lower() in _BLOCKS or name.lower() in _ALIASED
@@ -335,10 +335,10 @@ def _by_name(arrays: Mapping[str, np.ndarray], path: Path, names: str | None) ->
             continue  # names, times
         wide = name == first and values.ndim == 2 and values.shape[1] not in (1, 3)
         parts = _named(values, path, names) if wide else _parts_of(name, values, path)
-        if twice := sorted(parts.keys() & out.keys()):
+        if twice := sorted(parts.keys() & {part for others in out.values() for part in others}):
             warnings.warn(f'{path}: {", ".join(twice)} of {name} passed over: another array has it, too', stacklevel=5)
-        out = parts | out
-    return out
+        out[name] = {part: column for part, column in parts.items() if part not in twice}
+    return {part: column for name in arrays for part, column in out.get(name, {}).items()}  # as they stand in the file
 
 
 def _parts_of(name: str, values: np.ndarray, path: Path) -> dict[str, np.ndarray]:
