@@ -42,12 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='rm3d predict', description=__doc__)
     parser.add_argument('checkpoint', help='checkpoint of a training run; its config is inside')
-    parser.add_argument(
-        'scans',
-        nargs='+',
-        type=Path,
-        help=f'scans, or folders of them: {" ".join(ENDINGS)}',
-    )
+    parser.add_argument('scans', nargs='+', type=Path, help=f'scans, or folders of them: {" ".join(ENDINGS)}')
     parser.add_argument('--out', type=Path, required=True, help='folder for what is written')
     parser.add_argument(
         '--min-score', type=SHARE, help='leave out boxes and instances that score lower; default 0.1 for boxes, else 0'

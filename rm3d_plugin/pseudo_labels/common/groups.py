@@ -46,6 +46,11 @@ def seen_rows(probabilities: Float[np.ndarray, 'points classes']) -> Bool[np.nda
     return np.asarray(np.isfinite(probabilities).all(axis=1) & (probabilities > 0).any(axis=1))
 
 
+def likely_classes(probabilities: Float[np.ndarray, 'points classes']) -> Int[np.ndarray, ' points']:
+    """Most probable class of each point, -1 where the network saw none."""
+    return np.where(seen_rows(probabilities), np.nan_to_num(probabilities).argmax(axis=1), -1)
+
+
 def pool_rows(
     values: Float[np.ndarray, 'points channels'],
     seen: Bool[np.ndarray, ' points'],

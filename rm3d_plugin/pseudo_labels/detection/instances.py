@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.clustering import ball_clusters
-from rm3d_plugin.pseudo_labels.common.groups import seen_rows
+from rm3d_plugin.pseudo_labels.common.groups import likely_classes
 from rm3d_plugin.pseudo_labels.detection.boxes import is_plausible
 from rm3d_plugin.pseudo_labels.detection.objects import ObjectContext, fit_object
 from rm3d_plugin.structures import Boxes3D
@@ -49,7 +49,7 @@ def predicted_instances(
         mean_sizes: Usual sizes, metres; NaN: the class gets no instance.
         min_points: Fewest points of an instance.
     """
-    likely = _likely(probabilities)
+    likely = likely_classes(probabilities)
     there = np.isfinite(centers).all(axis=1)
     labels: list[int] = []
     scores: list[float] = []
@@ -99,7 +99,7 @@ def agreement(
         network saw and ``points_of_class`` among them, which it calls by the class of their box.
     """
     things = probabilities.shape[1] - 1
-    likely, inside = _likely(probabilities), points_in_boxes(xyz, boxes.tensor)
+    likely, inside = likely_classes(probabilities), points_in_boxes(xyz, boxes.tensor)
     label = np.append(boxes.labels, -1)[inside]
     seen = (inside >= 0) & (likely >= 0)
     right = seen & (likely == label)
@@ -122,8 +122,3 @@ def agreement(
         'points_in_boxes': counted(label[seen]),
         'points_of_class': counted(label[right]),
     }
-
-
-def _likely(probabilities: Float[np.ndarray, 'points classes']) -> Int[np.ndarray, ' points']:
-    """Most probable class of each point, -1 where the network saw none."""
-    return np.where(seen_rows(probabilities), np.nan_to_num(probabilities).argmax(axis=1), -1)

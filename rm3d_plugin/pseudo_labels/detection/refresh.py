@@ -19,7 +19,7 @@ from rm3d_plugin.pseudo_labels.common.assembly import (
     pool_predictions,
     supported_points,
 )
-from rm3d_plugin.pseudo_labels.common.groups import seen_rows, without_doubtful
+from rm3d_plugin.pseudo_labels.common.groups import likely_classes, without_doubtful
 from rm3d_plugin.pseudo_labels.common.inputs import RoundContext, SceneInputs
 from rm3d_plugin.pseudo_labels.common.refresh_result import RefreshResult, refresh_stats
 from rm3d_plugin.pseudo_labels.detection.boxes import (
@@ -312,8 +312,7 @@ def _votes(scene: SceneInputs) -> PointVotes:
     probabilities = scene.probabilities
     if probabilities is None:
         return PointVotes(np.full(len(scene.xyz), -1, dtype=np.int64), None)
-    likely = np.where(seen_rows(probabilities), np.nan_to_num(probabilities).argmax(axis=1), -1)
-    return PointVotes(likely, scene.centers)
+    return PointVotes(likely_classes(probabilities), scene.centers)
 
 
 def _fill_boxes(
