@@ -21,6 +21,7 @@ from rm3d_plugin.annotation.suggestions import Suggestion
 from rm3d_plugin.annotation.training_panel import TrainingPanel
 from rm3d_plugin.annotation.view_panel import ViewPanel
 from rm3d_plugin.inference.label_scan import LabelledScan
+from rm3d_plugin.pseudo_labels.propagation.given_up import GivenUpError, given_up_if
 from rm3d_plugin.user_error import UserError
 
 Tool = Literal['point', 'region', 'lasso', 'eraser', 'accept region']
@@ -63,6 +64,7 @@ class AnnotationPage:
         self.session, self._out, self._trains = session, out, out.train
         self.lock, self._settling = threading.RLock(), threading.Lock()
         self._timer: threading.Timer | None = None
+        self._changes = 0  # of the labels, so far
         self._note, self._estimate, self._saved = '', '', 'nothing to save yet'
         self._doubts: list[Suggestion] | None = None  # labels that the others contradict; None: not looked for yet
         self._looked_at: set[tuple[str, int, int]] = set()  # labels that were shown to be checked: scan, point, class
@@ -93,6 +95,7 @@ class AnnotationPage:
         """End it; every click is on the disk."""
         if self._timer is not None:
             self._timer.cancel()
+        self._changes += 1  # nobody waits for labels that settle
         self.training.stop()
         self.server.stop()
 
@@ -305,6 +308,7 @@ class AnnotationPage:
 
     def changed(self) -> None:
         """Show the labels of the clicks that stand; the settled ones follow when nobody clicks."""
+        self._changes += 1  # labels that are being settled are given up, and do not slow this down
         self.labels, self._doubts = self.session.labels(self.name), None
         self._note, self._estimate = '', 'estimate: when you pause'
         self._saved = 'every click is kept; the labels are not written yet: Save'
@@ -321,11 +325,13 @@ class AnnotationPage:
         self._timer.start()
 
     def _settle(self) -> None:
-        """Show the labels as they are written; they are computed beside clicks, and dropped where one came first."""
-        with self._settling, self._saying(None):
+        """Show the labels as they are written; they are computed beside clicks, and given up where one came first."""
+        with self._settling, self._saying(None), contextlib.suppress(GivenUpError):
             with self.lock:
                 name, shown, labelled = self.name, self.labels, (self.current.annotated >= 0).any()
-            found = self.session.settled(name) if labelled else shown
+                changes = self._changes
+            with given_up_if(lambda: self._changes != changes or self.name != name):
+                found = self.session.settled(name) if labelled else shown
             with self.lock:
                 if self.labels is shown:
                     self.labels, self._estimate = found, found.remark() if labelled else ''

@@ -12,6 +12,7 @@ from rm3d_plugin.storage.ply import read_ply, write_ply
 
 pytest.importorskip('viser', reason='the page needs rm3d_plugin[annotate]')
 from rm3d_plugin.annotation.page import AnnotationPage, Outputs  # noqa: E402
+from rm3d_plugin.pseudo_labels.propagation.given_up import GivenUpError  # noqa: E402
 
 
 class Camera(SimpleNamespace):
@@ -256,6 +257,29 @@ def test_a_click_need_not_wait_for_the_labels_to_settle_and_overtakes_them(opene
     page._settle()
     assert (page.session.scan('corner').annotated >= 0).sum() == 2
     assert 'estimate: when you pause' in page._status.content  # the answer to one click is not shown for two
+
+
+def test_labels_that_settle_are_given_up_when_a_click_comes(opened, monkeypatch):
+    page, semantic = opened
+    monkeypatch.setattr('rm3d_plugin.annotation.page.SETTLE', 1000.0)
+    points, asked, ended = few(semantic, 1), page.session.settled, []
+
+    def overtaken(name):
+        page.changed()  # as a click from another thread does
+        try:
+            ended.append(asked(name, check=False))
+        except GivenUpError as error:
+            ended.append(error)
+            raise
+
+    page._class.value = page.session.classes[semantic[points[0]]]
+    page._clicked(at(page, points[0]))
+    page._settle()
+    assert 'no estimate' in page._status.content
+    monkeypatch.setattr(page.session, 'settled', overtaken)
+    page._settle()
+    assert [type(each) for each in ended] == [GivenUpError]
+    assert 'estimate: when you pause' in page._status.content
 
 
 def test_a_label_that_the_others_contradict_is_shown_once(opened):

@@ -9,6 +9,7 @@ import scipy.sparse
 from jaxtyping import Bool, Int
 from numba import njit
 
+from rm3d_plugin.pseudo_labels.propagation.given_up import still_wanted
 from rm3d_plugin.pseudo_labels.propagation.point_graph import PointGraph
 
 STALLED = 0.9  # share of the nodes that is left where a round of pairing is no use
@@ -41,6 +42,7 @@ def coarsen(graph: PointGraph, alone: Int[np.ndarray, ' kept'], most: int) -> Co
     kept = np.zeros(len(node), dtype=np.bool_)
     kept[alone] = True
     while weights.shape[0] > most:
+        still_wanted()
         pair, count = _pair(weights.indptr, weights.indices, weights.data, kept)
         if count > STALLED * weights.shape[0]:
             break

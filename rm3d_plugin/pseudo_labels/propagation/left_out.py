@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
+from rm3d_plugin.pseudo_labels.propagation.given_up import still_wanted
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
@@ -49,6 +50,7 @@ def leave_labels_out(
     for number in np.unique(part[rows]):
         asked = part == number
         for name in candidates:
+            still_wanted()
             shares[name][asked] = _asked(name, scene, graphs, labels, asked, rules)
     return LeftOut(rows, {name: each[rows] for name, each in shares.items()})
 

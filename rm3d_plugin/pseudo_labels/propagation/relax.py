@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from numba import njit
 
 from rm3d_plugin.ops._parallel import map_blocks
+from rm3d_plugin.pseudo_labels.propagation.given_up import still_wanted
 from rm3d_plugin.pseudo_labels.propagation.point_graph import PointGraph
 
 _BLOCK = 8192  # rows that one thread works on at a time
@@ -45,6 +46,7 @@ def relax(
     way = scale * rest
     length = _dots(rest, way)
     for _ in range(steps):
+        still_wanted()
         applied = (diagonal * way - _spread(graph, way)) * moving
         step = (length / np.maximum(_dots(way, applied), _TINY)).astype(np.float32)
         x += step * way
