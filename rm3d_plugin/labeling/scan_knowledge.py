@@ -12,11 +12,10 @@ from rm3d_plugin.pseudo_labels.propagation import Beside, Estimate, PreparedClou
 from rm3d_plugin.pseudo_labels.propagation.checked import (
     CheckedLabels,
     check_labels,
-    estimate_across,
     joined,
     sharpness_of,
 )
-from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated
+from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated, estimate_miou
 
 TEACHING_SCANS = 128  # about as many, evenly chosen, teach what classes look like
 CHECKED_SCANS = 16  # in about as many labels are left out
@@ -99,8 +98,11 @@ class ScanKnowledge:
         Args:
             shares: Probabilities of points without a label, as sharp as :attr:`sharpness` makes them, of each scan.
         """
-        as_left_out = calibrated(np.concatenate(list(shares)), 1.0 / self.sharpness)
-        return estimate_across(as_left_out, self.checked, self._rules.draws, np.random.default_rng(self._seed))
+        there = np.flatnonzero(self.checked.found > 0)
+        as_left_out = calibrated(np.concatenate(list(shares))[:, there], 1.0 / self.sharpness)
+        kept = np.isin(self.checked.classes, there)
+        left, classes = self.checked.shares[kept][:, there], np.searchsorted(there, self.checked.classes[kept])
+        return estimate_miou(as_left_out, left, classes, self._rules.draws, np.random.default_rng(self._seed))
 
     @cached_property
     def judges(self) -> dict[str, Int[np.ndarray, ' judging']]:

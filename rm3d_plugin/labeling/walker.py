@@ -33,7 +33,8 @@ from rm3d_plugin.structures import UNLABELLED, Boxes3D, LabelStatistics, PointCl
 from rm3d_plugin.structures.check_field import check_field
 
 SCANS_IN_MEMORY = 1024  # MB of prepared scans
-SAMPLE = 1 << 12  # points of each scan that the estimate is made from
+SAMPLE = 1 << 16  # points of all scans that the estimate is made from, about
+SAMPLE_OF_SCAN = 1 << 10  # of each scan, at least
 JUDGING_SCANS = 16  # whose predictions are held at once, in each process, to judge the network
 
 
@@ -156,7 +157,8 @@ class WalkerLabelMaker(LabelMaker):
         found = propagate_prepared(self.scan(scene_id), annotated.semantic, classes, self.walk, beside)
         known = annotated.semantic >= 0
         sure = known | (found.confidence >= self.rules.accept)
-        self._samples.append(found.probabilities[~known][:: -(-len(known) // SAMPLE)])
+        some = max(SAMPLE // len(self.index_of), SAMPLE_OF_SCAN)
+        self._samples.append(found.probabilities[~known][:: -(-len(known) // some)])
         semantic = np.where(sure, found.semantic, UNLABELLED)
         labels = PseudoLabels(
             semantic=semantic,

@@ -7,23 +7,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.propagation.beside import Beside
-from rm3d_plugin.pseudo_labels.propagation.estimate import (
-    INSIDE,
-    LABELS_WORTH,
-    LEAST,
-    LEAST_LABELS,
-    SAMPLE,
-    Estimate,
-    expected_ious,
-)
+from rm3d_plugin.pseudo_labels.propagation.estimate import POWERS, label_excess
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, WalkerRules
 from rm3d_plugin.pseudo_labels.propagation.solve import at_points, coarse_graphs, solve
-
-POWERS = tuple(2.0 ** (step / 4) for step in range(-8, 13))  # of the probabilities that are tried, 1/4 to 8
 
 
 class CheckedLabels(NamedTuple):
@@ -88,49 +78,4 @@ def sharpness_of(checked: CheckedLabels) -> float:
     Args:
         checked: With a label at least.
     """
-    return float(POWERS[np.abs(_claimed_too_much(checked) @ _as_found(checked)).argmin()])
-
-
-def estimate_across(
-    shares: Float[np.ndarray, 'points classes'], checked: CheckedLabels, draws: int, generator: np.random.Generator
-) -> Estimate | None:
-    """:func:`~rm3d_plugin.pseudo_labels.propagation.estimate.estimate_miou` of answers over many scans.
-
-    The power of the probabilities is that of :func:`sharpness_of`, in each draw with another choice of labels.
-
-    Args:
-        shares: Answers at points without a label, as sharp as those of ``checked``.
-        checked: Labels that were left out.
-        draws: Of the interval, at least one.
-        generator: Of the draws.
-
-    Returns:
-        None where there is no point, or where fewer than half of the classes have enough labels that were left out.
-    """
-    there = np.flatnonzero(checked.found > 0)
-    counts = np.bincount(checked.classes, minlength=len(checked.found))[there]
-    if not len(shares) or 2 * np.count_nonzero(counts >= LEAST_LABELS) < len(counts):
-        return None
-    few = shares[:: -(-len(shares) // SAMPLE)][:, there]
-    expected = np.stack([expected_ious(few, power) for power in POWERS])
-    labels = len(checked.classes)
-    weights = np.concatenate([np.ones((1, labels)), generator.exponential(size=(draws, labels))])
-    chosen = np.abs((weights * _as_found(checked)) @ _claimed_too_much(checked).T).argmin(axis=1)
-    worth, centre = LABELS_WORTH * (counts + 1), expected[chosen[1:]].clip(0.01, 0.99)
-    drawn = generator.beta(centre * worth, (1.0 - centre) * worth).mean(axis=1)
-    middle, (low, high) = float(expected[chosen[0]].mean()), np.quantile(drawn, INSIDE).tolist()
-    sharpness = float(POWERS[chosen[0]])
-    return Estimate(100 * middle, 100 * min(low, middle), 100 * max(high, middle), labels, sharpness)
-
-
-def _claimed_too_much(checked: CheckedLabels) -> Float[np.ndarray, 'powers left']:
-    """By how much the probability of the class that is named is above 1 where it is right, and above 0 where not."""
-    right = checked.shares.argmax(axis=1) == checked.classes
-    raised = np.maximum(checked.shares, LEAST) ** np.array(POWERS)[:, None, None]
-    return np.asarray(raised.max(axis=2) / raised.sum(axis=2) - right)
-
-
-def _as_found(checked: CheckedLabels) -> Float[np.ndarray, ' left']:
-    """Weight of each label: those of a class together as frequent as the class is in the answers."""
-    weight = checked.found[checked.classes] / np.bincount(checked.classes)[checked.classes]
-    return np.asarray(weight / max(float(weight.sum()), LEAST))
+    return float(POWERS[np.abs(label_excess(*checked).sum(axis=1)).argmin()])

@@ -3,7 +3,8 @@
 As many labels of each class are given, often, which points at large are not: the share of left-out labels that come out
 right is far from the mean IoU, where one floor point in fifty called pole is what ruins the poles. So the labels that
 were left out only tell how sure the answer may be of itself (its probabilities are sharpened or flattened until they
-are right as often as they say); the IoU is then what the probabilities of all points expect it to be.
+are right as often as they say); the IoU is then what the probabilities of all points expect it to be. Two ways to tell
+count alike: the power by which left-out labels are likeliest, and the power by which as many are right as are claimed.
 """
 
 from typing import NamedTuple
@@ -13,10 +14,10 @@ from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
 
-SHARPNESS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)  # powers of the probabilities that are tried
+POWERS = tuple(2.0 ** (step / 4) for step in range(-8, 13))  # of the probabilities that are tried, 1/4 to 8
 USUAL = 2.0  # of the answers of the chosen scans: they have all labels, those that are checked four of five
 HELD = 20.0  # log likelihood, of all labels together, that a power e times the usual one must gain
-LABELS_WORTH = 0.65  # observations of a class's IoU that a left-out label counts as; chosen so that intervals hold
+LABELS_WORTH = 0.75  # observations of a class's IoU that a left-out label counts as; chosen so that intervals hold
 LEAST_LABELS = 3  # of a class that can be left out, in half of the classes, or there is no estimate
 INSIDE = (0.05, 0.95)  # quantiles of the draws that the interval spans
 SAMPLE = 1 << 16  # points that stand for all
@@ -31,7 +32,7 @@ class Estimate(NamedTuple):
         low: It is above this in nineteen of twenty draws.
         high: It is below this in nineteen of twenty draws.
         labels: That were left out.
-        sharpness: Power of the probabilities by which they are right as often as they say.
+        sharpness: Power of the probabilities by which left-out labels are likeliest.
     """
 
     miou: float
@@ -52,7 +53,7 @@ def estimate_miou(
     draws: int,
     generator: np.random.Generator,
 ) -> Estimate | None:
-    """Estimate the mean IoU of an answer.
+    """Estimate the mean IoU of an answer, of one scan or of many together.
 
     Args:
         shares: Answer at the points without a label; rows of sum 1.
@@ -70,12 +71,12 @@ def estimate_miou(
         return None
     some = shares[:: -(-len(shares) // SAMPLE)]
     found = np.bincount(some.argmax(axis=1), minlength=len(counts)) / len(some)
-    gains = label_gains(left_shares, left_classes, found)
-    expected = np.stack([expected_ious(some, power) for power in SHARPNESS])
-    best = int(gains.mean(axis=1).argmax())
-    low, high = np.quantile(miou_draws(expected, gains, counts, draws, generator), INSIDE).tolist()
-    middle = float(expected[best].mean())
-    return Estimate(100 * middle, 100 * min(low, middle), 100 * max(high, middle), len(left_classes), SHARPNESS[best])
+    expected = np.stack([expected_ious(some, power) for power in POWERS])
+    gains, excess = label_gains(left_shares, left_classes, found), label_excess(left_shares, left_classes, found)
+    drawn = miou_draws(expected, gains, excess, counts, draws, generator)
+    low, high = np.quantile(drawn, INSIDE).tolist()
+    sharpness = POWERS[int(gains.sum(axis=1).argmax())]
+    return Estimate(100 * float(drawn.mean()), 100 * low, 100 * high, len(left_classes), sharpness)
 
 
 def label_gains(
@@ -83,7 +84,7 @@ def label_gains(
     left_classes: Int[np.ndarray, ' left'],
     found: Float[np.ndarray, ' classes'],
 ) -> Float[np.ndarray, 'powers left']:
-    """What each left-out label says for each power of the shares; the power with the largest mean is the likeliest.
+    """What each left-out label says for each power of the shares; the power with the largest sum is the likeliest.
 
     Log likelihoods, less the label's part in what holds to the usual power. Labels of a class count together as the
     class is frequent in the answer, and as one of all classes, half and half.
@@ -96,12 +97,34 @@ def label_gains(
     counts = np.bincount(left_classes, minlength=len(found))
     weight = (found + 1.0 / len(found))[left_classes] / counts[left_classes]
     weight *= len(weight) / weight.sum()
-    rows = np.array(SHARPNESS)[:, None, None] * np.log(np.maximum(left_shares, LEAST))
+    rows = np.array(POWERS)[:, None, None] * np.log(np.maximum(left_shares, LEAST))
     rows = rows - rows.max(axis=2, keepdims=True)
     rows -= np.log(np.exp(rows).sum(axis=2, keepdims=True))
     likelihood = weight * rows[:, np.arange(len(weight)), left_classes]
-    away = np.square(np.log(np.array(SHARPNESS) / USUAL))[:, None]
+    away = np.square(np.log(np.array(POWERS) / USUAL))[:, None]
     return np.asarray(likelihood - HELD / max(len(weight), 1) * away)
+
+
+def label_excess(
+    left_shares: Float[np.ndarray, 'left classes'],
+    left_classes: Int[np.ndarray, ' left'],
+    found: Float[np.ndarray, ' classes'],
+) -> Float[np.ndarray, 'powers left']:
+    """How far more is claimed of each left-out label than is true; by the power with a sum of 0 as many come out right.
+
+    The probability of the class that is named, less 1 where it is right. Labels of a class count together as the class
+    is frequent in the answer.
+
+    Args:
+        left_shares: See :func:`label_gains`.
+        left_classes: See :func:`label_gains`.
+        found: Points of each class in the answer, or their shares.
+    """
+    right = left_shares.argmax(axis=1) == left_classes
+    raised = np.maximum(left_shares, LEAST) ** np.array(POWERS)[:, None, None]
+    claimed = raised.max(axis=2) / raised.sum(axis=2)
+    weight = found[left_classes] / np.bincount(left_classes, minlength=len(found))[left_classes]
+    return np.asarray(weight / max(float(weight.sum()), LEAST) * (claimed - right))
 
 
 def expected_ious(shares: Float[np.ndarray, 'points classes'], power: float) -> Float[np.ndarray, ' classes']:
@@ -121,6 +144,7 @@ def expected_ious(shares: Float[np.ndarray, 'points classes'], power: float) -> 
 def miou_draws(
     expected: Float[np.ndarray, 'powers classes'],
     gains: Float[np.ndarray, 'powers left'],
+    excess: Float[np.ndarray, 'powers left'],
     counts: Int[np.ndarray, ' classes'],
     draws: int,
     generator: np.random.Generator,
@@ -133,14 +157,16 @@ def miou_draws(
     Args:
         expected: IoU of each class, by power.
         gains: Of :func:`label_gains`.
+        excess: Of :func:`label_excess`.
         counts: Left-out labels of each class.
         draws: How many.
         generator: Of the draws.
     """
     weights = generator.exponential(size=(draws, gains.shape[1]))
-    chosen = expected[(weights @ gains.T).argmax(axis=1)].clip(0.01, 0.99)
+    likeliest, as_claimed = (weights @ gains.T).argmax(axis=1), np.abs(weights @ excess.T).argmin(axis=1)
+    centre = ((expected[likeliest] + expected[as_claimed]) / 2).clip(0.01, 0.99)
     worth = LABELS_WORTH * (counts + 1)
-    return np.asarray(generator.beta(chosen * worth, (1.0 - chosen) * worth).mean(axis=1))
+    return np.asarray(generator.beta(centre * worth, (1.0 - centre) * worth).mean(axis=1))
 
 
 def calibrated(shares: Float[np.ndarray, 'points classes'], power: float) -> Float[np.ndarray, 'points classes']:

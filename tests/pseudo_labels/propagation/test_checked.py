@@ -6,7 +6,6 @@ from rm3d_plugin.pseudo_labels.propagation import Beside, WalkerRules, examples_
 from rm3d_plugin.pseudo_labels.propagation.checked import (
     CheckedLabels,
     check_labels,
-    estimate_across,
     joined,
     sharpness_of,
 )
@@ -25,22 +24,6 @@ def test_probabilities_become_right_as_often_as_they_say(power):
     shares, classes = answers(np.random.default_rng(0), 4000, power)
     found = sharpness_of(CheckedLabels(shares, classes, np.bincount(shares.argmax(axis=1), minlength=3) * 1.0))
     assert abs(np.log2(found / power)) <= 0.26  # a step of the powers that are tried
-
-
-def test_an_estimate_holds_what_is_true():
-    rng = np.random.default_rng(1)
-    shares, classes = answers(rng, 3000, 2.0)
-    left = CheckedLabels(shares[:300], classes[:300], np.bincount(shares.argmax(axis=1), minlength=3) * 1.0)
-    said = shares[300:].argmax(axis=1)
-    hit = [np.sum((said == c) & (classes[300:] == c)) / np.sum((said == c) | (classes[300:] == c)) for c in range(3)]
-    found = estimate_across(shares[300:], left, 200, rng)
-    assert found.low <= 100 * np.mean(hit) <= found.high
-    assert abs(found.miou - 100 * np.mean(hit)) < 8 and found.labels == 300
-
-
-def test_no_estimate_from_few_labels():
-    left = CheckedLabels(np.full((2, 3), 1 / 3), np.array([0, 1]), np.ones(3))
-    assert estimate_across(np.full((5, 3), 1 / 3), left, 10, np.random.default_rng(0)) is None
 
 
 def test_a_class_with_one_label_is_known_from_other_scans():
