@@ -15,6 +15,7 @@ from rm3d_plugin.datasets.kitti_format import KittiCalib, read_calib
 from rm3d_plugin.datasets.named_boxes import BoxFileError, NamedBoxes
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
+from rm3d_plugin.storage.plain_files import read_list
 from rm3d_plugin.storage.scans import NanPoints
 from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
@@ -226,7 +227,7 @@ def _names(root: Path, split: str, ann_file: str | None) -> tuple[str, ...] | No
         return None
     if not path.is_file():
         raise _not_found(root, f'there is no list {path}')
-    names = tuple(line.strip() for line in path.read_text(encoding='utf-8-sig').splitlines() if line.strip())
+    names = tuple(read_list(path))
     if not names or len(set(names)) < len(names):
         raise SceneError(
             f'{path}: {len(names)} scans, {len(names) - len(set(names))} of them twice; list each scan once'
@@ -238,9 +239,12 @@ def _scan_of(folder: Path, name: str) -> str:
     """The file of a listed name, relative to the folder."""
     if Path(name).suffix.lower() in ENDINGS:
         return name
-    found = sorted(path.name for path in (folder / name).parent.glob(f'{Path(name).name}.*') if path.suffix in ENDINGS)
+    there = (folder / name).parent.iterdir() if (folder / name).parent.is_dir() else ()
+    found = sorted(path.name for path in there if path.suffix.lower() in ENDINGS and path.stem == Path(name).name)
     if not found:
         raise SceneError(f'{folder}: there is no scan {name} ({" ".join(ENDINGS)}), but the list names it')
+    if len(found) > 1:
+        raise SceneError(f'{folder}: the list names {name}, which may be {" or ".join(found)}; give it its ending')
     return str(Path(name).parent / found[0])
 
 

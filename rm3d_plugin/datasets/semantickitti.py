@@ -18,8 +18,10 @@ from rm3d_plugin.datasets.semantickitti_format import (
     number_instances,
     read_labels,
     read_lidar_poses,
+    unit_remission,
 )
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.plain_files import files_ending
 from rm3d_plugin.structures import PointCloud, SceneError
 
 Split = Literal['train', 'val', 'trainval', 'test']
@@ -86,7 +88,7 @@ class SemanticKittiDataset(SegmentationDataset):
     def find_scenes(self) -> tuple[str, ...]:
         """Scans of the sequences, in order."""
         wanted = SEQUENCES[self.split] if self.sequences is None else self.sequences
-        scans = {number: sorted(self._folder(number).glob('velodyne/*.bin'))[:: self.every] for number in wanted}
+        scans = {number: files_ending(self._folder(number) / 'velodyne', '.bin')[:: self.every] for number in wanted}
         missing = [f'{number:02d}' for number in wanted if not scans[number]]
         if missing and (self.sequences is not None or len(missing) == len(wanted)):
             raise self._not_found(f'there are no scans of sequence {", ".join(missing)}')
@@ -107,7 +109,7 @@ class SemanticKittiDataset(SegmentationDataset):
 
     def _not_found(self, what: str) -> DatasetNotFoundError:
         source = 'Download it (scans and labels) from http://semantic-kitti.org/dataset.html'
-        return not_found('SemanticKITTI', self.data_root, what, source, _LAYOUT)
+        return not_found('SemanticKITTI', self.data_root, what, source, _LAYOUT, 'sequences/*/velodyne')
 
     # ------------------------------------------------------------------ one scene
 
@@ -116,7 +118,7 @@ class SemanticKittiDataset(SegmentationDataset):
         path = self._file(index, 'velodyne', '.bin')
         points = read_velodyne(path)
         check_points(points, path)
-        intensity = np.clip(points[:, 3], 0.0, 1.0) if self.use_intensity else None
+        intensity = unit_remission(points[:, 3], path) if self.use_intensity else None
         cloud = PointCloud(points[:, :3], intensity=intensity, sensor=(0.0, 0.0, 0.0))
         path = self._file(index, 'labels', '.label')
         if self.split == 'test' or not path.is_file():
@@ -141,6 +143,8 @@ class SemanticKittiDataset(SegmentationDataset):
         poses = read_lidar_poses(self._folder(int(sequence)))
         if poses is None:
             return None
+        if not scan.isdecimal():
+            raise SceneError(f'{self._file(index, "velodyne", ".bin")}: expected a name like 000000.bin; rename it')
         if int(scan) >= len(poses):
             raise SceneError(f'{self._folder(int(sequence)) / "poses.txt"}: {len(poses)} rows, none for scan {scan}')
         return poses[int(scan)]

@@ -18,6 +18,7 @@ from rm3d_plugin.datasets.waymo_format import (
     read_points,
 )
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.plain_files import files_ending, read_list
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
 
 Split = Literal['train', 'val', 'test']
@@ -95,14 +96,14 @@ class WaymoDataset(BoxDataset):
     def _segments(self) -> list[str]:
         if not (self.folder / 'lidar').is_dir():
             raise self._not_found(f'there is no {self.folder / "lidar"}')
-        there = sorted(path.stem for path in (self.folder / 'lidar').glob('*.parquet'))
+        there = [path.stem for path in files_ending(self.folder / 'lidar', '.parquet')]
         if self.ann_file is None:
             if not there:
                 raise self._not_found(f'there is no segment in {self.folder / "lidar"}')
             return there
         if not self.ann_file.is_file():
             raise self._not_found(f'there is no list {self.ann_file}')
-        named = self.ann_file.read_text(encoding='utf-8-sig').split()
+        named = read_list(self.ann_file, words=True)
         if missing := [name for name in named if name not in there]:
             raise SceneError(f'{self.ann_file}: segment {missing[0]} is not in {self.folder / "lidar"}; download it')
         if not named or len(set(named)) < len(named):
@@ -110,7 +111,9 @@ class WaymoDataset(BoxDataset):
         return named
 
     def _not_found(self, what: str) -> DatasetNotFoundError:
-        return not_found('Waymo', self.data_root, what, 'Download it from https://waymo.com/open', _LAYOUT)
+        return not_found(
+            'Waymo', self.data_root, what, 'Download it from https://waymo.com/open', _LAYOUT, 'training/lidar'
+        )
 
     def files(self, segment: str) -> FrameFiles:
         """The files of a segment."""

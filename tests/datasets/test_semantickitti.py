@@ -191,3 +191,39 @@ def test_real_scans(real_data):
     assert 0 <= cloud.intensity.min() and cloud.intensity.max() <= 1
     road = cloud.xyz[truth.semantic == CLASSES.index('road')]
     assert abs(np.median(road[np.abs(road[:, 0]) < 10, 2]) + 1.73) < 0.15  # the sensor rides 1.73 m above it
+
+
+def test_remissions_of_another_scale_are_told(world):
+    path = world / 'sequences/00/velodyne/000000.bin'
+    path.write_bytes((POINTS * np.array([1, 1, 1, 255], dtype='f4')).astype('<f4').tobytes())
+    with pytest.raises(SceneError, match=r'000000\.bin: remission: expected 0 to 1, got 0 to 255; divide it'):
+        one(world).load_cloud(0)
+    assert one(world, use_intensity=False).load_cloud(0).intensity is None
+
+
+@pytest.mark.parametrize(
+    ('calib', 'poses', 'told'),
+    [
+        ('Tr: ' + '0 ' * 12, '1 0 0 0 0 1 0 0 0 0 1 0', r'calib\.txt: Tr: its first three columns are no rotation'),
+        ('Tr: 1 0 0 0 0 1 0 0 0 0 1 0', '0 ' * 12, r'poses\.txt: row 1: its first three columns are no rotation'),
+    ],
+)
+def test_matrices_that_do_not_turn_are_told(tmp_path, calib, poses, told):
+    (tmp_path / 'calib.txt').write_text(calib)
+    (tmp_path / 'poses.txt').write_text(poses)
+    with pytest.raises(SceneError, match=told):
+        read_lidar_poses(tmp_path)
+
+
+def test_names_of_scans(world):
+    folder = world / 'sequences/00'
+    (folder / 'velodyne/._000000.bin').write_bytes(b'\0\5')
+    assert len(one(world)) == 5
+    (folder / 'velodyne/000000.bin').rename(folder / 'velodyne/scan.bin')
+    (folder / 'calib.txt').write_text('Tr: 1 0 0 0 0 1 0 0 0 0 1 0')
+    (folder / 'poses.txt').write_text('1 0 0 0 0 1 0 0 0 0 1 0\n')
+    with pytest.raises(SceneError, match=r'scan\.bin: expected a name like 000000\.bin; rename it'):
+        one(world).pose(4)
+    (folder / 'velodyne/scan.bin').rename(folder / 'velodyne/scan.BIN')
+    with pytest.raises(SceneError, match=r'scan\.BIN: expected the ending \.bin in small letters'):
+        len(one(world))
