@@ -1,6 +1,7 @@
 """Scans of one's own with boxes from a labelling tool."""
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from rm3d_plugin.class_names import one_spelling
 from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
-from rm3d_plugin.datasets.box_formats import BOX_FORMATS, find_format
+from rm3d_plugin.datasets.box_formats import BOX_FORMATS, LABELCLOUD_CLASSES, find_format, labelcloud_format
 from rm3d_plugin.datasets.boxes import BoxDataset, in_units, to_units
 from rm3d_plugin.datasets.files import FilesDataset
 from rm3d_plugin.datasets.kitti_format import KittiCalib, read_calib
@@ -104,6 +105,7 @@ class BoxFilesDataset(BoxDataset):
         self._scans: FilesDataset | None = None
         self._layout: Layout | None = None
         self._box_format: str | None = None
+        self._box_files: list[Path] | None = None
         if not self.classes and self.data_root.is_dir():
             self.classes = self.find_classes()
 
@@ -143,14 +145,21 @@ class BoxFilesDataset(BoxDataset):
         if folder == self.layout.scans:  # text may be scans there
             own = (self._beside(name, '.json') for name in self.scans.scene_ids)
             return [path for path in own if path.is_file()]
-        return sorted(path for path in folder.rglob('*') if path.suffix.lower() in BOX_ENDINGS and path.is_file())
+        if self._box_files is None:
+            there = sorted(path for path in _visible_below(folder) if path.suffix.lower() in BOX_ENDINGS)
+            there = [path for path in there if path.name != LABELCLOUD_CLASSES]
+            scans = {_stem(path, self.layout.scans) for path in _visible_below(self.layout.scans)}
+            known = [_stem(path, folder) in scans for path in there]
+            self._box_files = _of_scans(there, known, folder, self.layout.scans)
+        return self._box_files
 
     @property
     def box_format(self) -> str:
         """Format of the boxes, told from all files at first use."""
         if self._box_format is None:
             auto = self._given_format == 'auto'
-            self._box_format = find_format(self.box_files()) if auto else self._given_format
+            told = labelcloud_format(self.layout.boxes)
+            self._box_format = find_format(self.box_files(), told) if auto else self._given_format
         return self._box_format
 
     def find_classes(self) -> tuple[str, ...]:
@@ -233,6 +242,42 @@ def _names(root: Path, split: str, ann_file: str | None) -> tuple[str, ...] | No
             f'{path}: {len(names)} scans, {len(names) - len(set(names))} of them twice; list each scan once'
         )
     return names
+
+
+def _visible_below(folder: Path) -> Iterator[Path]:
+    """Files of a folder and those in it, hidden ones left out."""
+    for path in folder.rglob('*'):
+        if path.is_file() and not any(part.startswith('.') for part in path.relative_to(folder).parts):
+            yield path
+
+
+def _stem(path: Path, folder: Path) -> Path:
+    return path.relative_to(folder).with_suffix('')
+
+
+def _of_scans(paths: list[Path], has_scan: list[bool], folder: Path, scans: Path) -> list[Path]:
+    """The files of boxes that belong to a scan; others are told.
+
+    Raises:
+        BoxFileError: None does, or an ending is spelled in large letters: the file would be passed over.
+    """
+    strange = [path for path, known in zip(paths, has_scan, strict=True) if not known]
+    found = [path for path, known in zip(paths, has_scan, strict=True) if known]
+    large = [path for path in found if path.suffix not in BOX_ENDINGS]
+    if large:
+        raise BoxFileError(f'{large[0]}: expected an ending in small letters; rename the file')
+    if strange and not found:
+        raise BoxFileError(
+            f'{strange[0]}: there is no scan of that name in {scans}, nor of any other file of {folder}: name boxes '
+            'like their scans'
+        )
+    if strange:
+        warnings.warn(
+            f'{folder}: {len(strange)} of {len(paths)} files are passed over, since {scans} has no scan of their name; '
+            f'the first is {strange[0].name}',
+            stacklevel=4,
+        )
+    return found
 
 
 def _scan_of(folder: Path, name: str) -> str:
