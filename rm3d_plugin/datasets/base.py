@@ -188,6 +188,9 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         """Find the scenes, and check them where bad ones shall be skipped; called once, by need."""
         if self._scene_ids is None:
             self._scene_ids = self.find_scenes()
+            if self.bad_scenes == 'error':
+                for scene_id in self._scene_ids:
+                    _check_name(scene_id)
             if self.bad_scenes == 'skip':
                 self._scene_ids = self._without_bad_scenes(self._scene_ids)
 
@@ -279,6 +282,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         reasons: dict[str, str] = {}
         for index, scene_id in enumerate(scene_ids):
             try:
+                _check_name(scene_id)
                 self.check_scene(index)
             except SceneError as error:
                 reasons[scene_id] = str(error)
@@ -296,6 +300,18 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             self._scene_ids = None
             raise SceneError(f'none of {len(scene_ids)} scenes can be used; the first: {reasons[scene_ids[0]]}')
         return good
+
+
+def _check_name(scene_id: str) -> None:
+    """Whether a scene's name can be written into lists of labels, which are UTF-8.
+
+    Raises:
+        SceneError: It cannot.
+    """
+    try:
+        scene_id.encode()
+    except UnicodeEncodeError:
+        raise SceneError(f'scene {scene_id!r}: the name of its file or folder is no UTF-8; rename it') from None
 
 
 def features(cloud: PointCloud, channels: Sequence[str] = get_args(Channel)) -> Float[np.ndarray, 'points channels']:

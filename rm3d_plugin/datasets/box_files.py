@@ -201,7 +201,7 @@ class BoxFilesDataset(BoxDataset):
 
     def _box_file(self, name: str) -> Path | None:
         path = self._beside(name, BOX_FORMATS[self.box_format].ending)
-        return path if path.is_file() and path != self._scan(name) else None
+        return path if _is_there(path) and path != self._scan(name) else None
 
     def _scan(self, name: str) -> Path:
         return self.scans.path(self.scans.scene_ids.index(name))
@@ -247,8 +247,13 @@ def _names(root: Path, split: str, ann_file: str | None) -> tuple[str, ...] | No
 def _visible_below(folder: Path) -> Iterator[Path]:
     """Files of a folder and those in it, hidden ones left out."""
     for path in folder.rglob('*'):
-        if path.is_file() and not any(part.startswith('.') for part in path.relative_to(folder).parts):
+        if _is_there(path) and not any(part.startswith('.') for part in path.relative_to(folder).parts):
             yield path
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is a file, or a link that leads to none: what is read then tells it."""
+    return path.is_file() or path.is_symlink()
 
 
 def _stem(path: Path, folder: Path) -> Path:

@@ -215,7 +215,8 @@ def class_numbers(label_map: Mapping[int | str, int | str], classes: tuple[str, 
 
 def _is_scan(path: Path, folder: Path) -> bool:
     hidden = any(part.startswith('.') for part in path.relative_to(folder).parts)
-    return path.is_file() and path.suffix.lower() in ENDINGS and not hidden
+    there = path.is_file() or path.is_symlink()  # a link to nothing is told when it is read
+    return there and path.suffix.lower() in ENDINGS and not hidden
 
 
 def _relative(path: Path, folder: Path) -> Path:

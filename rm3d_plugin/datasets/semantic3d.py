@@ -88,6 +88,8 @@ class Semantic3DDataset(SegmentationDataset):
             raise ValueError(f'holdout: expected training stations, got {", ".join(unknown)}')
         self.data_root = Path(data_root)
         self.benchmark = benchmark
+        if isinstance(stations, str):
+            raise ValueError(f'stations: expected a list of names, got {stations!r}')
         self.stations = None if stations is None else tuple(stations)
         if self.stations is not None and len(set(self.stations)) < len(self.stations):
             raise ValueError(f'stations: name each once, got {list(self.stations)}')

@@ -158,6 +158,14 @@ def test_files_beside_the_boxes(tmp_path):
     assert len(told) == 1
 
 
+def test_boxes_behind_a_link_to_nothing_are_told(tmp_path):
+    make_world(tmp_path)
+    (tmp_path / 'labels/b.txt').unlink()
+    (tmp_path / 'labels/b.txt').symlink_to(tmp_path / 'gone.txt')
+    with pytest.raises(FileNotFoundError, match=r'b\.txt'):
+        read(tmp_path)
+
+
 def test_boxes_of_no_scan_at_all_are_told(tmp_path):
     make_world(tmp_path)
     for name in 'abc':

@@ -299,6 +299,8 @@ def test_what_cannot_be_done_is_told_before_anything_is_predicted(checkpoint, tm
         list(predict_files(checkpoint, [scan, tmp_path / 'b'], tmp_path / 'out'))
     with pytest.raises(ConfigError, match='no .bin file in'):
         find_scans([tmp_path / 'b'], ['.bin'])
+    (tmp_path / 'b' / '._a.ply').write_bytes(b'\0\5')
+    assert find_scans([tmp_path / 'b'], ['.ply']) == [tmp_path / 'b' / 'a.ply']
     (tmp_path / 'a.obj').touch()
     (tmp_path / 'full' / 'a.ply').mkdir(parents=True)
     for wrong, told in (
