@@ -74,7 +74,7 @@ def list_objects(folder: Path) -> list[ObjectFile]:
     if not folder.is_dir():
         raise SceneError(f'{folder}: no such folder; expected one text file an object, copy the room again')
     found: list[tuple[str, int, ObjectFile]] = []
-    for path in files_ending(folder, '.txt'):
+    for path in files_ending(folder, '.txt', large=True):
         match = _NAME.fullmatch(path.stem)
         if match is None:
             raise SceneError(f'{path}: expected a name like chair_3.txt (class and number); rename or remove the file')

@@ -127,7 +127,7 @@ class Semantic3DDataset(SegmentationDataset):
         reduced = self.benchmark == 'reduced-8' and self.split == 'test'
         folders = [self.data_root, *(path for path in sorted(visible(self.data_root.glob('*'))) if path.is_dir())]
         found = []
-        for path in (path for folder in folders for path in files_ending(folder, ending)):
+        for path in (path for folder in folders for path in files_ending(folder, ending, large=True)):
             stem = path.stem.lower()
             if f'{stem}_'.startswith(f'{station.lower()}_') and ('reduced' in stem) == reduced:
                 found.append(path)

@@ -7,17 +7,20 @@ from rm3d_plugin.storage.text_columns import plain_text
 from rm3d_plugin.structures import SceneError
 
 
-def files_ending(folder: Path, ending: str) -> list[Path]:
+def files_ending(folder: Path, ending: str, large: bool = False) -> list[Path]:
     """Files of a folder with an ending, by name. Hidden ones, as macOS leaves them (``._000000.bin``), do not count.
 
+    Args:
+        folder: Where they lie.
+        ending: In small letters.
+        large: The ending may have large letters; False: files are found again by their names without it.
+
     Raises:
-        SceneError: An ending is spelled in other letters: the file would be passed over.
+        SceneError: An ending is spelled in large letters, and may not be: the file would be passed over.
     """
-    found = []
-    for path in sorted(visible(folder.glob('*'))):
-        if path.suffix == ending:
-            found.append(path)
-        elif path.suffix.lower() == ending:
+    found = [path for path in sorted(visible(folder.glob('*'))) if path.suffix.lower() == ending]
+    for path in found:
+        if path.suffix != ending and not large:
             raise SceneError(f'{path}: expected the ending {ending} in small letters; rename the file')
     return found
 

@@ -229,4 +229,6 @@ def test_marks_before_text_and_labels(tmp_path):
     truth = one(tmp_path).load_truth(0).semantic
     for file in (path, path.with_suffix('.labels')):
         file.write_bytes(b'\xef\xbb\xbf' + file.read_bytes())
+        file.rename(file.with_suffix(file.suffix.upper()))
+    (tmp_path / 'README.TXT').write_text('')
     np.testing.assert_array_equal(one(tmp_path).load_truth(0).semantic, truth)

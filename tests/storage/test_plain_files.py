@@ -14,6 +14,7 @@ def test_hidden_files_do_not_count_and_endings_are_small(tmp_path):
     assert [path.name for path in files_ending(tmp_path, '.bin')] == ['a.bin', 'b.bin']
     assert files_ending(tmp_path / 'nothing', '.bin') == []
     (tmp_path / 'c.BIN').touch()
+    assert [path.name for path in files_ending(tmp_path, '.bin', large=True)] == ['a.bin', 'b.bin', 'c.BIN']
     with pytest.raises(SceneError, match=r'c\.BIN: expected the ending \.bin in small letters; rename the file'):
         files_ending(tmp_path, '.bin')
 
