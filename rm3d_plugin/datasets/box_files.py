@@ -179,8 +179,10 @@ class BoxFilesDataset(BoxDataset):
 
     def read_boxes(self, index: int, cloud: PointCloud) -> Boxes3D:
         """Boxes of the classes, moved into the frame of the scan's points."""
-        boxes = self._named(self._labelled_file(self.scene_ids[index])).of_classes(self.classes)
-        return to_units(boxes, np.asarray(cloud.origin), self.unit)
+        path = self._labelled_file(self.scene_ids[index])
+        boxes = to_units(self._named(path).of_classes(self.classes), np.asarray(cloud.origin), self.unit)
+        _warn_of_another_frame(boxes, cloud, path)
+        return boxes
 
     def _labelled_file(self, name: str) -> Path:
         path = self._box_file(name)
@@ -249,6 +251,18 @@ def _visible_below(folder: Path) -> Iterator[Path]:
     for path in folder.rglob('*'):
         if _is_there(path) and not any(part.startswith('.') for part in path.relative_to(folder).parts):
             yield path
+
+
+def _warn_of_another_frame(boxes: Boxes3D, cloud: PointCloud, path: Path) -> None:
+    """A warning where all boxes are farther from the points than these are from each other."""
+    low, high = cloud.xyz.min(axis=0), cloud.xyz.max(axis=0)
+    gap = np.maximum(low - boxes.tensor[:, :3], boxes.tensor[:, :3] - high).max(axis=1, initial=-np.inf)
+    if len(gap) and (gap > (high - low).max() + boxes.tensor[:, 3:6].max(axis=1)).all():
+        warnings.warn(
+            f'{path}: all {len(gap)} boxes are farther from the points than the scan is wide; are they in the '
+            'coordinates of its file?',
+            stacklevel=3,
+        )
 
 
 def _is_there(path: Path) -> bool:

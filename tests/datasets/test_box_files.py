@@ -188,3 +188,16 @@ def test_a_listed_name_is_one_scan(tmp_path):
     np.save(tmp_path / 'points/a.npy', np.zeros((3, 3)))
     with pytest.raises(SceneError, match=r'the list names a, which may be a\.npy or a\.ply; give it its ending'):
         len(read(tmp_path))
+
+
+def test_boxes_in_another_frame_are_told(tmp_path):
+    """The scan was moved to its middle, the boxes were not."""
+    make_world(tmp_path)
+    row = ROW + np.array([4.1e5, 5.3e6, 0, 0, 0, 0, 0])
+    BOX_FORMATS['openpcdet'].write(tmp_path / 'labels/b.txt', NamedBoxes(['car'], row), 'b', None)
+    data = read(tmp_path)
+    assert len(data.load_truth(0).boxes) == 1
+    with pytest.warns(
+        UserWarning, match=r'b\.txt: all 1 boxes are farther from the points than the scan is wide; are they'
+    ):
+        data.load_truth(1)
