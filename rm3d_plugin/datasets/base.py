@@ -26,7 +26,9 @@ class DatasetNotFoundError(SceneError):
     """The data set is not where it was looked for; the message shows how to lay it out."""
 
 
-def not_found(dataset: str, root: Path, what: str, source: str, layout: str) -> DatasetNotFoundError:
+def not_found(
+    dataset: str, root: Path, what: str, source: str, layout: str, mark: str | None = None
+) -> DatasetNotFoundError:
     """The error of a data set that is not there.
 
     Args:
@@ -35,12 +37,25 @@ def not_found(dataset: str, root: Path, what: str, source: str, layout: str) -> 
         what: What is missing, such as 'there is no folder scans'.
         source: Where to get it, such as 'Download it from http://...'.
         layout: Folders and files, ``{root}`` for the root.
+        mark: Pattern of a file or folder that the root must hold; where another folder near by holds one, it was meant.
     """
     root = real_path(root)
+    near = '' if mark is None else _nearby(root, mark)
     return DatasetNotFoundError(
-        f'{dataset} was looked for at {root}, but {what}. {source} and lay it out so:\n{layout.format(root=root)}\n'
+        f'{dataset} was looked for at {root}, but {what}.{near} {source} and lay it out so:\n'
+        f'{layout.format(root=root)}\n'
         'then pass --cfg-options data_root=FOLDER. Without the data, --demo runs on synthetic scenes.'
     )
+
+
+def _nearby(root: Path, mark: str) -> str:
+    """Whether a folder above or below holds the data: archives bring folders of their own."""
+    if not root.is_dir() or any(root.glob(mark)):
+        return ''
+    below = sorted(path for path in root.glob(f'*/{mark}') if not path.parent.name.startswith('.'))
+    above = [path for folder in root.parents[:2] for path in folder.glob(mark)]
+    found = [path.parents[len(Path(mark).parts) - 1] for path in [*above, *below]]
+    return f' It seems to lie at {found[0]}: pass data_root={found[0]}.' if found else ''
 
 
 def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
@@ -173,6 +188,9 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         """Find the scenes, and check them where bad ones shall be skipped; called once, by need."""
         if self._scene_ids is None:
             self._scene_ids = self.find_scenes()
+            if self.bad_scenes == 'error':
+                for scene_id in self._scene_ids:
+                    _check_name(scene_id)
             if self.bad_scenes == 'skip':
                 self._scene_ids = self._without_bad_scenes(self._scene_ids)
 
@@ -264,6 +282,7 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
         reasons: dict[str, str] = {}
         for index, scene_id in enumerate(scene_ids):
             try:
+                _check_name(scene_id)
                 self.check_scene(index)
             except SceneError as error:
                 reasons[scene_id] = str(error)
@@ -281,6 +300,18 @@ class SceneDataset(Dataset[dict[str, Any]], ABC):
             self._scene_ids = None
             raise SceneError(f'none of {len(scene_ids)} scenes can be used; the first: {reasons[scene_ids[0]]}')
         return good
+
+
+def _check_name(scene_id: str) -> None:
+    """Whether a scene's name can be written into lists of labels, which are UTF-8.
+
+    Raises:
+        SceneError: It cannot.
+    """
+    try:
+        scene_id.encode()
+    except UnicodeEncodeError:
+        raise SceneError(f'scene {scene_id!r}: the name of its file or folder is no UTF-8; rename it') from None
 
 
 def features(cloud: PointCloud, channels: Sequence[str] = get_args(Channel)) -> Float[np.ndarray, 'points channels']:

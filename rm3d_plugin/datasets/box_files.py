@@ -1,6 +1,7 @@
 """Scans of one's own with boxes from a labelling tool."""
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -8,13 +9,14 @@ import numpy as np
 
 from rm3d_plugin.class_names import one_spelling
 from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
-from rm3d_plugin.datasets.box_formats import BOX_FORMATS, find_format
+from rm3d_plugin.datasets.box_formats import BOX_FORMATS, LABELCLOUD_CLASSES, find_format, labelcloud_format
 from rm3d_plugin.datasets.boxes import BoxDataset, in_units, to_units
 from rm3d_plugin.datasets.files import FilesDataset
 from rm3d_plugin.datasets.kitti_format import KittiCalib, read_calib
 from rm3d_plugin.datasets.named_boxes import BoxFileError, NamedBoxes
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
+from rm3d_plugin.storage.plain_files import read_list
 from rm3d_plugin.storage.scans import NanPoints
 from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
@@ -103,6 +105,7 @@ class BoxFilesDataset(BoxDataset):
         self._scans: FilesDataset | None = None
         self._layout: Layout | None = None
         self._box_format: str | None = None
+        self._box_files: list[Path] | None = None
         if not self.classes and self.data_root.is_dir():
             self.classes = self.find_classes()
 
@@ -142,14 +145,21 @@ class BoxFilesDataset(BoxDataset):
         if folder == self.layout.scans:  # text may be scans there
             own = (self._beside(name, '.json') for name in self.scans.scene_ids)
             return [path for path in own if path.is_file()]
-        return sorted(path for path in folder.rglob('*') if path.suffix.lower() in BOX_ENDINGS and path.is_file())
+        if self._box_files is None:
+            there = sorted(path for path in _visible_below(folder) if path.suffix.lower() in BOX_ENDINGS)
+            there = [path for path in there if path.name != LABELCLOUD_CLASSES]
+            scans = {_stem(path, self.layout.scans) for path in _visible_below(self.layout.scans)}
+            known = [_stem(path, folder) in scans for path in there]
+            self._box_files = _of_scans(there, known, folder, self.layout.scans)
+        return self._box_files
 
     @property
     def box_format(self) -> str:
         """Format of the boxes, told from all files at first use."""
         if self._box_format is None:
             auto = self._given_format == 'auto'
-            self._box_format = find_format(self.box_files()) if auto else self._given_format
+            told = labelcloud_format(self.layout.boxes)
+            self._box_format = find_format(self.box_files(), told) if auto else self._given_format
         return self._box_format
 
     def find_classes(self) -> tuple[str, ...]:
@@ -169,8 +179,10 @@ class BoxFilesDataset(BoxDataset):
 
     def read_boxes(self, index: int, cloud: PointCloud) -> Boxes3D:
         """Boxes of the classes, moved into the frame of the scan's points."""
-        boxes = self._named(self._labelled_file(self.scene_ids[index])).of_classes(self.classes)
-        return to_units(boxes, np.asarray(cloud.origin), self.unit)
+        path = self._labelled_file(self.scene_ids[index])
+        boxes = to_units(self._named(path).of_classes(self.classes), np.asarray(cloud.origin), self.unit)
+        _warn_of_another_frame(boxes, cloud, path)
+        return boxes
 
     def _labelled_file(self, name: str) -> Path:
         path = self._box_file(name)
@@ -191,7 +203,7 @@ class BoxFilesDataset(BoxDataset):
 
     def _box_file(self, name: str) -> Path | None:
         path = self._beside(name, BOX_FORMATS[self.box_format].ending)
-        return path if path.is_file() and path != self._scan(name) else None
+        return path if _is_there(path) and path != self._scan(name) else None
 
     def _scan(self, name: str) -> Path:
         return self.scans.path(self.scans.scene_ids.index(name))
@@ -226,7 +238,7 @@ def _names(root: Path, split: str, ann_file: str | None) -> tuple[str, ...] | No
         return None
     if not path.is_file():
         raise _not_found(root, f'there is no list {path}')
-    names = tuple(line.strip() for line in path.read_text(encoding='utf-8-sig').splitlines() if line.strip())
+    names = tuple(read_list(path))
     if not names or len(set(names)) < len(names):
         raise SceneError(
             f'{path}: {len(names)} scans, {len(names) - len(set(names))} of them twice; list each scan once'
@@ -234,13 +246,69 @@ def _names(root: Path, split: str, ann_file: str | None) -> tuple[str, ...] | No
     return names
 
 
+def _visible_below(folder: Path) -> Iterator[Path]:
+    """Files of a folder and those in it, hidden ones left out."""
+    for path in folder.rglob('*'):
+        if _is_there(path) and not any(part.startswith('.') for part in path.relative_to(folder).parts):
+            yield path
+
+
+def _warn_of_another_frame(boxes: Boxes3D, cloud: PointCloud, path: Path) -> None:
+    """A warning where all boxes are farther from the points than these are from each other."""
+    low, high = cloud.xyz.min(axis=0), cloud.xyz.max(axis=0)
+    gap = np.maximum(low - boxes.tensor[:, :3], boxes.tensor[:, :3] - high).max(axis=1, initial=-np.inf)
+    if len(gap) and (gap > (high - low).max() + boxes.tensor[:, 3:6].max(axis=1)).all():
+        warnings.warn(
+            f'{path}: all {len(gap)} boxes are farther from the points than the scan is wide; are they in the '
+            'coordinates of its file?',
+            stacklevel=3,
+        )
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is a file, or a link that leads to none: what is read then tells it."""
+    return path.is_file() or path.is_symlink()
+
+
+def _stem(path: Path, folder: Path) -> Path:
+    return path.relative_to(folder).with_suffix('')
+
+
+def _of_scans(paths: list[Path], has_scan: list[bool], folder: Path, scans: Path) -> list[Path]:
+    """The files of boxes that belong to a scan; others are told.
+
+    Raises:
+        BoxFileError: None does, or an ending is spelled in large letters: the file would be passed over.
+    """
+    strange = [path for path, known in zip(paths, has_scan, strict=True) if not known]
+    found = [path for path, known in zip(paths, has_scan, strict=True) if known]
+    large = [path for path in found if path.suffix not in BOX_ENDINGS]
+    if large:
+        raise BoxFileError(f'{large[0]}: expected an ending in small letters; rename the file')
+    if strange and not found:
+        raise BoxFileError(
+            f'{strange[0]}: there is no scan of that name in {scans}, nor of any other file of {folder}: name boxes '
+            'like their scans'
+        )
+    if strange:
+        warnings.warn(
+            f'{folder}: {len(strange)} of {len(paths)} files are passed over, since {scans} has no scan of their name; '
+            f'the first is {strange[0].name}',
+            stacklevel=4,
+        )
+    return found
+
+
 def _scan_of(folder: Path, name: str) -> str:
     """The file of a listed name, relative to the folder."""
     if Path(name).suffix.lower() in ENDINGS:
         return name
-    found = sorted(path.name for path in (folder / name).parent.glob(f'{Path(name).name}.*') if path.suffix in ENDINGS)
+    there = (folder / name).parent.iterdir() if (folder / name).parent.is_dir() else ()
+    found = sorted(path.name for path in there if path.suffix.lower() in ENDINGS and path.stem == Path(name).name)
     if not found:
         raise SceneError(f'{folder}: there is no scan {name} ({" ".join(ENDINGS)}), but the list names it')
+    if len(found) > 1:
+        raise SceneError(f'{folder}: the list names {name}, which may be {" or ".join(found)}; give it its ending')
     return str(Path(name).parent / found[0])
 
 

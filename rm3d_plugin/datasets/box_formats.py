@@ -26,13 +26,16 @@ from rm3d_plugin.datasets.box_writers import (
     write_sustech,
     write_vertices,
 )
-from rm3d_plugin.datasets.kitti_format import KittiCalib, objects_to_boxes, read_objects, wrap_angle
+from rm3d_plugin.datasets.kitti_format import MOST_TURN, KittiCalib, objects_to_boxes, read_objects, wrap_angle
 from rm3d_plugin.datasets.named_boxes import SIZES, BoxFileError, NamedBoxes
 from rm3d_plugin.storage.files import parse_json
+from rm3d_plugin.storage.plain_files import read_number, read_text
+from rm3d_plugin.user_error import UserError
 
 MOST_TILT = 5.0  # degrees about x or y that a person may not have meant; boxes stand upright
 PCDET_FIELDS = ('x', 'y', 'z', 'dx', 'dy', 'dz', 'yaw')
 _NO_OBJECT = ('DontCare',)
+LABELCLOUD_CLASSES = '_classes.json'  # its settings, among the files of boxes
 
 
 # ------------------------------------------------------------------ checks that name file, object and field
@@ -40,7 +43,7 @@ _NO_OBJECT = ('DontCare',)
 
 def _number(value: object, where: str, name: str) -> float:
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = read_number(value)
     except (TypeError, ValueError, OverflowError):
         raise BoxFileError(f'{where}: {name} is {value!r:.40}, expected a number; correct or remove the box') from None
     if not np.isfinite(number):
@@ -52,6 +55,8 @@ def _row(where: str, center: Sequence[float], size: Sequence[float], yaw: float)
     for name, value in zip(SIZES, size, strict=True):
         if value <= 0:
             raise BoxFileError(f'{where}: {name} is {value:g} m, expected a length above 0; correct or remove the box')
+    if abs(yaw) > MOST_TURN:
+        raise BoxFileError(f'{where}: the turn about z is {yaw:g}, expected radians; degrees? convert them')
     return [*center, *size, float(wrap_angle(yaw))]
 
 
@@ -60,6 +65,20 @@ def _field(item: Any, name: str, where: str) -> Any:
         got = ', '.join(map(str, item)) if isinstance(item, dict) else type(item).__name__
         raise BoxFileError(f'{where}: expected a field {name!r}, got {got}')
     return item[name]
+
+
+def _listed(item: Any, name: str, where: str) -> list[Any]:
+    found = _field(item, name, where)
+    if not isinstance(found, list):
+        raise BoxFileError(f'{where}: {name}: expected a list, got {found!r:.40}')
+    return found
+
+
+def _class_name(item: Any, name: str, where: str) -> str:
+    found = _field(item, name, where)
+    if not isinstance(found, str | int) or isinstance(found, bool) or not str(found).strip():
+        raise BoxFileError(f'{where}: {name} is {found!r:.40}, expected the name of a class; correct or remove the box')
+    return str(found)
 
 
 def _triple(item: Any, name: str, keys: Sequence[str], where: str) -> list[float]:
@@ -90,9 +109,11 @@ def _gathered(names: list[str], rows: list[list[float]], scores: list[float] | N
 
 def _load(path: Path) -> Any:
     try:
-        return parse_json(path.read_text(encoding='utf-8-sig'))
+        return parse_json(read_text(path))
     except FileNotFoundError:
         raise BoxFileError(f'{path}: no such file; expected boxes') from None
+    except UserError:
+        raise
     except ValueError as error:
         raise BoxFileError(f'{path}: not JSON ({error}); write it again') from error
 
@@ -104,7 +125,7 @@ def _read_openpcdet(path: Path, calib: KittiCalib | None) -> NamedBoxes:
     names: list[str] = []
     rows: list[list[float]] = []
     scores: list[float] = []
-    for number, line in enumerate(path.read_text(encoding='utf-8-sig').splitlines(), start=1):
+    for number, line in enumerate(read_text(path).split('\n'), start=1):
         words, where = line.split(), f'{path}, line {number}'
         if not words:
             continue
@@ -136,7 +157,7 @@ def _read_kitti(path: Path, calib: KittiCalib | None) -> NamedBoxes:
 
 
 def _objects(path: Path) -> list[tuple[str, Any]]:
-    found = _field(_load(path), 'objects', str(path))
+    found = _listed(_load(path), 'objects', str(path))
     return [(f'{path}, object {number}', item) for number, item in enumerate(found, start=1)]
 
 
@@ -146,15 +167,15 @@ def _read_centroid(path: Path, degrees: bool) -> NamedBoxes:
         center = _triple(item, 'centroid', 'xyz', where)
         size = _triple(item, 'dimensions', SIZES, where)
         rows.append(_row(where, center, size, _yaw_of(_triple(item, 'rotations', 'xyz', where), where, degrees)))
-        names.append(str(_field(item, 'name', where)))
+        names.append(_class_name(item, 'name', where))
     return _gathered(names, rows)
 
 
 def _read_vertices(path: Path, calib: KittiCalib | None) -> NamedBoxes:
     names, rows = [], []
     for where, item in _objects(path):
-        given = _field(item, 'vertices', where)
-        if not isinstance(given, list) or len(given) != 8 or any(len(corner) != 3 for corner in given):
+        given = _listed(item, 'vertices', where)
+        if len(given) != 8 or not all(isinstance(corner, list) and len(corner) == 3 for corner in given):
             raise BoxFileError(f'{where}: vertices: expected 8 corners of x, y, z')
         corners = np.array([[_number(v, where, f'vertices[{i}]') for v in corner] for i, corner in enumerate(given)])
         along, across, up = corners[3] - corners[0], corners[1] - corners[0], corners[4] - corners[0]
@@ -163,7 +184,7 @@ def _read_vertices(path: Path, calib: KittiCalib | None) -> NamedBoxes:
             raise BoxFileError(f'{where}: vertices: the box leans by {lean:.1f} degrees; boxes stand upright')
         size = [float(np.linalg.norm(edge)) for edge in (along, across, up)]
         rows.append(_row(where, corners.mean(axis=0).tolist(), size, float(np.arctan2(along[1], along[0]))))
-        names.append(str(_field(item, 'name', where)))
+        names.append(_class_name(item, 'name', where))
     return _gathered(names, rows)
 
 
@@ -177,19 +198,19 @@ def _read_sustech(path: Path, calib: KittiCalib | None) -> NamedBoxes:
         pose = _field(item, 'psr', where)
         center, size = _triple(pose, 'position', 'xyz', where), _triple(pose, 'scale', 'xyz', where)
         rows.append(_row(where, center, size, _yaw_of(_triple(pose, 'rotation', 'xyz', where), where, degrees=False)))
-        names.append(str(_field(item, 'obj_type', where)))
+        names.append(_class_name(item, 'obj_type', where))
     return _gathered(names, rows)
 
 
 def _read_json(path: Path, calib: KittiCalib | None) -> NamedBoxes:
     names, rows, scores = [], [], []
-    for number, item in enumerate(_field(_load(path), 'boxes', str(path)), start=1):
+    for number, item in enumerate(_listed(_load(path), 'boxes', str(path)), start=1):
         where = f'{path}, box {number}'
-        center, size = ([_number(v, where, key) for v in _field(item, key, where)] for key in ('center', 'size'))
+        center, size = ([_number(v, where, key) for v in _listed(item, key, where)] for key in ('center', 'size'))
         if len(center) != 3 or len(size) != 3:
             raise BoxFileError(f'{where}: center and size: expected three numbers each')
         rows.append(_row(where, center, size, _number(_field(item, 'yaw', where), where, 'yaw')))
-        names.append(str(_field(item, 'class', where)))
+        names.append(_class_name(item, 'class', where))
         scores += [_number(item['score'], where, 'score')] if 'score' in item else []
     return _gathered(names, rows, scores)
 
@@ -224,13 +245,14 @@ BOX_FORMATS: dict[str, BoxFormat] = {
 }
 
 
-def find_format(paths: Sequence[Path]) -> str:
+def find_format(paths: Sequence[Path], told: str | None = None) -> str:
     """Which format the files of one folder have, told from what is in them.
 
     labelCloud's two centroid forms differ in the unit of the rotations alone, so all files are looked through.
 
     Args:
         paths: The files; empty ones tell nothing.
+        told: What labelCloud's own ``_classes.json`` says: of effect where degrees and radians cannot be told apart.
 
     Returns:
         A key of :data:`BOX_FORMATS`; 'openpcdet' where no file holds a box.
@@ -251,15 +273,32 @@ def find_format(paths: Sequence[Path]) -> str:
             f'{paths[0].parent}: files of several formats ({told}); keep one, or name it: box_format=...'
         )
     kind = next(iter(kinds), 'openpcdet')
-    return kind if kind != 'labelcloud' else f'labelcloud_{_unit_of(angles, paths[0].parent)}'
+    if kind == 'kitti' and told == 'kitti_untransformed':
+        raise BoxFileError(
+            f'{paths[0].parent}: labelCloud saved these boxes as {told}, lines in the frame of the scan; save them as '
+            'centroid_rel'
+        )
+    return kind if kind != 'labelcloud' else f'labelcloud_{_unit_of(angles, paths[0].parent, told)}'
 
 
-def _unit_of(angles: Sequence[float], folder: Path) -> str:
+def labelcloud_format(folder: Path) -> str | None:
+    """What labelCloud says of its files in a folder; None where it says nothing."""
+    path = folder / LABELCLOUD_CLASSES
+    content = _load(path) if path.is_file() else None
+    found = content.get('format') if isinstance(content, dict) else None
+    return None if found is None else str(found)
+
+
+def _unit_of(angles: Sequence[float], folder: Path, told: str | None) -> str:
     turned = [angle for angle in angles if angle != 0]
-    if any(angle < 0 for angle in turned) or not turned:
+    if any(angle < 0 for angle in turned):
         return 'rel'
-    if max(turned) > np.pi + 1e-6:
+    if turned and max(turned) > np.pi + 1e-6:
         return 'abs'
+    if told in ('centroid_rel', 'centroid_abs'):
+        return told.removeprefix('centroid_')
+    if not turned:
+        return 'rel'
     raise BoxFileError(
         f'{folder}: rotations: all lie between 0 and {max(turned):g}, which may be radians or degrees; pass '
         "box_format='labelcloud_rel' (radians) or 'labelcloud_abs' (degrees)"
@@ -270,7 +309,7 @@ def _kind_of(path: Path) -> tuple[str, list[float]]:
     """The kind of one file ('' where it holds nothing), and its rotations in labelCloud's centroid form."""
     if path.suffix.lower() == '.json':
         return _kind_of_json(path)
-    lines = path.read_text(encoding='utf-8-sig', errors='replace').splitlines()
+    lines = read_text(path).split('\n')
     words = next((line.split() for line in lines if line.strip()), [])
     if not words:
         return '', []
@@ -297,6 +336,7 @@ def _kind_of_json(path: Path) -> tuple[str, list[float]]:
         )
     if not objects:
         return '', []
+    _listed(content, 'objects', str(path))
     first = objects[0] if isinstance(objects[0], dict) else {}
     if 'vertices' in first:
         return 'labelcloud_vertices', []

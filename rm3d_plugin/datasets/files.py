@@ -12,6 +12,7 @@ from rm3d_plugin.datasets.base import DatasetNotFoundError, check_choice
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, numbers_of_things, only_things
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.columns import ENDINGS, Columns
+from rm3d_plugin.storage.plain_files import read_list
 from rm3d_plugin.storage.scans import COLOR_RANGES, ColorRange, NanPoints, Scan, map_labels, read_scan
 from rm3d_plugin.storage.written_files import real_path
 from rm3d_plugin.structures import UNLABELLED, PointCloud, SceneError
@@ -114,8 +115,9 @@ class FilesDataset(SegmentationDataset):
         if self.ann_file is not None:
             if not self.ann_file.is_file():
                 raise DatasetNotFoundError(self._not_found(f'there is no list {self.ann_file}'))
-            lines = self.ann_file.read_text(encoding='utf-8-sig').splitlines()
-            return self.data_root, [self.data_root / line.strip() for line in lines if line.strip()]
+            if not (names := read_list(self.ann_file)):
+                raise SceneError(f'{self.ann_file}: names no scan; list one a line, relative to {self.data_root}')
+            return self.data_root, [self.data_root / name for name in names]
         inside = self.data_root / self.split
         folder = inside if inside.is_dir() else self.data_root
         found: list[Path] = []
@@ -213,7 +215,8 @@ def class_numbers(label_map: Mapping[int | str, int | str], classes: tuple[str, 
 
 def _is_scan(path: Path, folder: Path) -> bool:
     hidden = any(part.startswith('.') for part in path.relative_to(folder).parts)
-    return path.is_file() and path.suffix.lower() in ENDINGS and not hidden
+    there = path.is_file() or path.is_symlink()  # a link to nothing is told when it is read
+    return there and path.suffix.lower() in ENDINGS and not hidden
 
 
 def _relative(path: Path, folder: Path) -> Path:

@@ -29,6 +29,7 @@ from rm3d_plugin.datasets.kitti_format import (
 )
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.plain_files import files_ending, read_list
 from rm3d_plugin.structures import UNLABELLED, Boxes3D, PointCloud, SceneError
 
 Split = Literal['train', 'val', 'trainval', 'test']
@@ -111,10 +112,10 @@ class KittiDataset(SceneDataset):
         if self._velodyne is None:
             raise self._not_found(f'there is no {self.folder / "velodyne"}')
         if self.ann_file is None:
-            return tuple(sorted(path.stem for path in self._velodyne.glob('*.bin')))
+            return tuple(path.stem for path in files_ending(self._velodyne, '.bin'))
         if not self.ann_file.is_file():
             raise self._not_found(f'there is no list {self.ann_file}; ann_file=None takes every frame')
-        frames = tuple(self.ann_file.read_text(encoding='utf-8-sig', errors='replace').split())
+        frames = tuple(read_list(self.ann_file, words=True))
         doubled = len(frames) - len(set(frames))
         if doubled or not frames:
             raise SceneError(f'{self.ann_file}: {len(frames)} frames, {doubled} of them twice; list each frame once')
@@ -127,7 +128,7 @@ class KittiDataset(SceneDataset):
 
     def _not_found(self, what: str) -> DatasetNotFoundError:
         source = 'Download it from https://www.cvlibs.net/datasets/kitti/eval_object.php'
-        return not_found('KITTI', self.data_root, what, source, _LAYOUT)
+        return not_found('KITTI', self.data_root, what, source, _LAYOUT, 'training/velodyne')
 
     # ------------------------------------------------------------------ one scene
 

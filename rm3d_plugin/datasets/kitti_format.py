@@ -17,11 +17,13 @@ from jaxtyping import Bool, Float
 from rm3d_plugin.class_names import class_index
 from rm3d_plugin.storage import write_text
 from rm3d_plugin.storage.float_records import check_float_width
+from rm3d_plugin.storage.plain_files import read_number, read_text
 from rm3d_plugin.structures import Boxes3D, SceneError
 
 IMAGE_SIZE = (1242, 375)  # pixels, width and height of most KITTI images
 NEAR = 0.1  # m; what is closer to the image plane than this is cut off before projecting
 DONT_CARE = 'DontCare'
+MOST_TURN = 4 * np.pi  # radians that an object's turn may be written with; DontCare has -10
 TYPES = ('Car', 'Van', 'Truck', 'Pedestrian', 'Person_sitting', 'Cyclist', 'Tram', 'Misc', DONT_CARE)
 _SPELLING = {name.lower(): name for name in TYPES}
 _FIELDS = ('truncated', 'occluded', 'alpha', 'x1', 'y1', 'x2', 'y2', 'h', 'w', 'l', 'x', 'y', 'z', 'ry', 'score')
@@ -150,6 +152,8 @@ def read_calib(path: Path | str) -> KittiCalib:
     for number, line in enumerate(_read_lines(path, 'the calibration of a frame'), start=1):
         key, colon, text = line.partition(':')
         if line.strip() and colon:
+            if key.strip() in rows:
+                raise SceneError(f'{path}, line {number}: a second line {key.strip()}; leave one of them')
             rows[key.strip()] = _numbers(text.split(), f'{path}, line {number}, {key.strip()}')
     shapes = {'P2': (3, 4), 'R0_rect': (3, 3), 'Tr_velo_to_cam': (3, 4)}
     optional = {'P0': (3, 4), 'P1': (3, 4), 'P3': (3, 4), 'Tr_imu_to_velo': (3, 4)}
@@ -163,9 +167,17 @@ def read_calib(path: Path | str) -> KittiCalib:
                 raise SceneError(f'{path}, {key}: expected {shape[0] * shape[1]} numbers, got {rows[key].size}')
             matrices[key] = rows[key].reshape(shape)
     for key in ('R0_rect', 'Tr_velo_to_cam'):
-        if abs(np.linalg.det(matrices[key][:, :3])) < 1e-6:
+        if not is_rotation(matrices[key][:, :3]):
             raise SceneError(f'{path}, {key}: its first three columns are no rotation; copy the file again')
+    if abs(np.linalg.det(matrices['P2'][:, :3])) < 1e-6:
+        raise SceneError(f'{path}, P2: it maps all points onto a line or a point; copy the file again')
     return KittiCalib(**matrices)
+
+
+def is_rotation(matrix: Float[np.ndarray, '3 3']) -> bool:
+    """Whether a matrix turns and does no more, as far as printed digits tell."""
+    gap = matrix @ matrix.T - np.eye(3)
+    return bool(np.abs(gap).max() < 0.01 and np.linalg.det(matrix) > 0)  # NaN compares as False
 
 
 def write_calib(path: Path | str, calib: KittiCalib) -> None:
@@ -194,6 +206,10 @@ def read_objects(path: Path | str) -> list[KittiObject]:
         if len(words) not in (15, 16):
             raise SceneError(f'{where}: expected 15 fields (16 with a score), got {len(words)}')
         v = _numbers(words[1:], where, _FIELDS).tolist()
+        if v[1] != int(v[1]):
+            raise SceneError(f'{where}: occluded is {words[2]}, expected a whole number, 0 to 3')
+        if abs(v[13]) > MOST_TURN:
+            raise SceneError(f'{where}: ry is {words[14]}, expected radians; degrees?')
         height, width, length, x, y, z, ry = v[7:14]
         score = v[14] if len(v) == 15 else None
         box = (v[3], v[4], v[5], v[6])
@@ -383,13 +399,15 @@ def read_image_size(path: Path | str) -> tuple[int, int]:
     if len(header) < 24 or header[:8] != _PNG_SIGNATURE or header[12:16] != b'IHDR':
         raise SceneError(f'{path}: not a PNG image; expected the frame of image_2')
     width, height = struct.unpack('>II', header[16:24])
+    if not (width and height):
+        raise SceneError(f'{path}: an image of {width} x {height} pixels; copy it again')
     return int(width), int(height)
 
 
 def _read_lines(path: Path, what: str) -> list[str]:
     if not path.is_file():
         raise SceneError(f'{path}: no such file; expected {what}')
-    return path.read_text(encoding='utf-8-sig', errors='replace').splitlines()
+    return read_text(path, strict=False).split('\n')
 
 
 def _numbers(words: Sequence[str], where: str, names: Sequence[str] | None = None) -> Float[np.ndarray, ' numbers']:
@@ -397,7 +415,7 @@ def _numbers(words: Sequence[str], where: str, names: Sequence[str] | None = Non
     for i, word in enumerate(words):
         name = names[i] if names else f'number {i + 1}'
         try:
-            values[i] = float(word)
+            values[i] = read_number(word)
         except ValueError:
             raise SceneError(f'{where}: {name} is {word!r}, expected a number') from None
         if not np.isfinite(values[i]):

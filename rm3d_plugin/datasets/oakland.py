@@ -54,6 +54,8 @@ class OaklandDataset(SegmentationDataset):
         super().__init__(split, classes=classes, **common)
         check_classes('Oakland', self.classes, len(CLASSES))
         self.data_root = Path(data_root)
+        if isinstance(tiles, str):
+            raise ValueError(f'tiles: expected a list of names, got {tiles!r}')
         self.tiles = TILES[split] if tiles is None else tuple(tiles)
         if not self.tiles or len(set(self.tiles)) != len(self.tiles):
             raise ValueError(f'tiles: name at least one, each once; got {list(self.tiles)}')

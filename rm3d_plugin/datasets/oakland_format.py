@@ -1,12 +1,16 @@
 """Oakland's text files: ``x y z label confidence`` a line, behind a header that names the ids."""
 
-import warnings
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.storage.plain_files import read_text
+from rm3d_plugin.storage.scans import has_place
+from rm3d_plugin.storage.signatures import check_signature
+from rm3d_plugin.storage.text_columns import plain_text
+from rm3d_plugin.storage.text_table import BadTextError, parse_table
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
 # The merge into six classes; ids of neither are ignored.
@@ -49,21 +53,18 @@ def read_tile(path: str | Path) -> Tile:
     path = Path(path)
     if not path.is_file():
         raise SceneError(f'{path}: no such file; expected a tile of Oakland')
+    check_signature(path)
     try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings('ignore', 'loadtxt: input contained no data')
-            table = np.loadtxt(path, dtype=np.float64, ndmin=2, comments='#')
-    except ValueError as error:
-        raise SceneError(
-            f'{path}: {error}; expected {" ".join(COLUMNS)} on each line. Cut off? copy it again'
-        ) from None
+        table = parse_table(plain_text(path.read_bytes()), len(COLUMNS))
+    except BadTextError as error:
+        raise SceneError(f'{path}, {error}; expected {" ".join(COLUMNS)}. Cut off? copy it again') from None
     if table.size == 0:
         raise SceneError(f'{path}: holds no points')
-    if table.shape[1] != len(COLUMNS):
-        raise SceneError(f'{path}: {table.shape[1]} numbers a line; expected {" ".join(COLUMNS)}')
-    bad = int((~np.isfinite(table).all(axis=1)).sum())
+    bad = int((~(np.isfinite(table).all(axis=1) & has_place(table[:, :3]))).sum())
     if bad:
         raise SceneError(f'{path}: {bad} of {len(table)} lines hold NaN or infinite numbers; drop them first')
+    if (parts := table[table[:, 3] % 1 != 0, 3]).size:
+        raise SceneError(f'{path}: label: expected whole numbers, got {parts[0]:g}; copy the file again')
     label = table[:, 3].astype(np.int64)
     check_up(table[:, :3], label, path)
     return Tile(np.ascontiguousarray(table[:, :3]), label, read_names(path))
@@ -72,13 +73,12 @@ def read_tile(path: str | Path) -> Tile:
 def read_names(path: str | Path) -> dict[int, str]:
     """Id -> name of a tile's header, lines ``# 1103 -- utility_pole``."""
     names: dict[int, str] = {}
-    with Path(path).open(encoding='utf-8', errors='replace') as file:
-        for line in file:
-            if not line.startswith('#'):
-                break
-            words = [word.strip() for word in line[1:].split('--')]
-            if len(words) >= 2 and words[0].isdigit():
-                names[int(words[0])] = words[1]
+    for line in read_text(Path(path), strict=False).split('\n'):
+        if not line.startswith('#'):
+            break
+        words = [word.strip() for word in line[1:].split('--')]
+        if len(words) >= 2 and words[0].isdigit():
+            names[int(words[0])] = words[1]
     return names
 
 

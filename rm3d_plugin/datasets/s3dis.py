@@ -1,5 +1,6 @@
 """S3DIS (Stanford large-scale indoor spaces) in its native layout."""
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -17,6 +18,8 @@ from rm3d_plugin.datasets.segmentation import (
     only_things,
 )
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.plain_files import visible
+from rm3d_plugin.storage.scans import unit_colors
 
 Split = Literal['train', 'test']
 _LAYOUT = """
@@ -73,17 +76,25 @@ class S3DISDataset(SegmentationDataset):
         return tuple(area for area in AREAS if (area == self.test_area) == (self.split == 'test'))
 
     def find_scenes(self) -> tuple[str, ...]:
-        """Rooms as ``Area_5_office_3``, by area and name; areas that are not there are passed over."""
-        rooms = [
-            f'Area_{area}_{folder.name}'
+        """Rooms as ``Area_5_office_3``, by area and name; a warning tells areas and rooms that are not there."""
+        folders = [
+            (area, folder)
             for area in self.areas
-            for folder in sorted(self.data_root.glob(f'Area_{area}/*'))
-            if (folder / 'Annotations').is_dir() or (folder / f'{folder.name}.txt').is_file()
+            for folder in sorted(visible(self.data_root.glob(f'Area_{area}/*')))
+            if folder.is_dir()
         ]
+        rooms = [f'Area_{area}_{folder.name}' for area, folder in folders if _is_room(folder)]
         if not rooms:
             areas = ', '.join(f'Area_{area}' for area in self.areas)
             source = 'Ask for it at http://buildingparser.stanford.edu/dataset.html'
-            raise not_found('S3DIS', self.data_root, f'there is no room in {areas}', source, _LAYOUT)
+            raise not_found('S3DIS', self.data_root, f'there is no room in {areas}', source, _LAYOUT, 'Area_*')
+        if missing := [f'Area_{area}' for area in self.areas if not any(found == area for found, _ in folders)]:
+            warnings.warn(f'{self.data_root}: no rooms in {", ".join(missing)}; they are left out', stacklevel=2)
+        if empty := [folder for _, folder in folders if not _is_room(folder)]:
+            warnings.warn(
+                f'{empty[0]}: no folder Annotations, so it is left out ({len(empty)} such folders); copy it again',
+                stacklevel=2,
+            )
         return tuple(rooms)
 
     # ------------------------------------------------------------------ one scene
@@ -100,5 +111,9 @@ class S3DISDataset(SegmentationDataset):
         paths = tuple(item.path for item in objects)
         arrays = self.parsed('s3dis', paths, lambda: read_room(objects)._asdict())
         semantic, instance = arrays['semantic'].astype(np.int64), arrays['instance'].astype(np.int64)
-        cloud = make_cloud(arrays['xyz'], colors=arrays['colors'] / np.float32(255))
+        cloud = make_cloud(arrays['xyz'], colors=unit_colors(arrays['colors'], 'auto', paths[0].parent))
         return RawScene(cloud, semantic, only_things(instance, semantic, self.thing_classes))
+
+
+def _is_room(folder: Path) -> bool:
+    return (folder / 'Annotations').is_dir() or (folder / f'{folder.name}.txt').is_file()

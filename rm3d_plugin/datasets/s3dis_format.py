@@ -9,6 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from rm3d_plugin.storage.plain_files import files_ending
+from rm3d_plugin.storage.scans import has_place
+from rm3d_plugin.storage.signatures import check_signature
+from rm3d_plugin.storage.text_columns import plain_text
 from rm3d_plugin.storage.text_table import BadTextError, parse_table
 from rm3d_plugin.structures import SceneError
 
@@ -70,10 +74,8 @@ def list_objects(folder: Path) -> list[ObjectFile]:
     if not folder.is_dir():
         raise SceneError(f'{folder}: no such folder; expected one text file an object, copy the room again')
     found: list[tuple[str, int, ObjectFile]] = []
-    for path in sorted(folder.glob('*.txt')):
+    for path in files_ending(folder, '.txt', large=True):
         match = _NAME.fullmatch(path.stem)
-        if path.name.startswith('.'):
-            continue
         if match is None:
             raise SceneError(f'{path}: expected a name like chair_3.txt (class and number); rename or remove the file')
         name = SYNONYMS.get(match['name'].lower(), match['name'].lower())
@@ -97,7 +99,8 @@ def read_object(path: Path) -> Float[np.ndarray, 'points 6']:
     Raises:
         SceneError: The file holds no points, or a line is not six finite numbers with colours from 0 to 255.
     """
-    text = path.read_bytes()
+    check_signature(path)
+    text = plain_text(path.read_bytes())
     repairs = 0
     while True:
         try:
@@ -166,6 +169,7 @@ def _check_object(path: Path, table: Float[np.ndarray, 'points 6'], text: bytes)
     if len(table) == 0:
         raise SceneError(f'{path}: holds no points; remove the file or copy it again')
     bad = ~np.isfinite(table)
+    bad[:, 0] |= ~has_place(table[:, :3]) & ~bad[:, :3].any(axis=1)
     bad[:, 3:] |= (table[:, 3:] < 0) | (table[:, 3:] > 255)
     if bad.any():
         row, column = np.argwhere(bad)[0].tolist()

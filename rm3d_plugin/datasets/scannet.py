@@ -14,6 +14,7 @@ from rm3d_plugin.datasets.scannet_format import (
     NYU40,
     Group,
     align_points,
+    check_segments,
     class_of_nyu40,
     nyu40_of_groups,
     object_of_points,
@@ -26,6 +27,8 @@ from rm3d_plugin.datasets.scannet_format import (
 )
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes, only_things
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.plain_files import read_list
+from rm3d_plugin.storage.scans import has_place
 from rm3d_plugin.structures import PointCloud, SceneError
 
 Split = Literal['train', 'val', 'test']
@@ -97,14 +100,14 @@ class ScanNetDataset(SegmentationDataset):
             raise self._not_found('there is no folder scans')
         if not self.ann_file.is_file():
             raise self._not_found(f'there is no list {self.ann_file}')
-        scans = tuple(self.ann_file.read_text(encoding='utf-8-sig', errors='replace').split())
+        scans = tuple(read_list(self.ann_file, words=True))
         doubled = len(scans) - len(set(scans))
         if doubled or not scans:
             raise SceneError(f'{self.ann_file}: {len(scans)} scans, {doubled} of them twice; list each scan once')
         return scans
 
     def _not_found(self, what: str) -> DatasetNotFoundError:
-        return not_found('ScanNet', self.data_root, what, 'Ask for it at http://www.scan-net.org', _LAYOUT)
+        return not_found('ScanNet', self.data_root, what, 'Ask for it at http://www.scan-net.org', _LAYOUT, 'scans')
 
     def file(self, index: int, ending: str) -> Path:
         """A file of a scan: ``file(0, '_vh_clean_2.ply')``, say."""
@@ -122,7 +125,10 @@ class ScanNetDataset(SegmentationDataset):
     def read_scene(self, index: int) -> RawScene:
         """Vertices, and for split 'train' and 'val' class and instance of each."""
         mesh = read_mesh(self.file(index, '_vh_clean_2.ply'))
-        cloud = PointCloud(self._aligned(mesh.xyz, index), colors=mesh.colors)
+        xyz = self._aligned(mesh.xyz, index)
+        if not has_place(xyz).all():
+            raise SceneError(f'{self.file(index, ".txt")}: axisAlignment: moves points too far away; copy it again')
+        cloud = PointCloud(xyz, colors=mesh.colors)
         if self.split == 'test':
             return RawScene(cloud)
         objects = self._objects(index, len(cloud))
@@ -148,7 +154,9 @@ class ScanNetDataset(SegmentationDataset):
     def _objects(self, index: int, rows: int) -> Objects:
         path = self.file(index, '.aggregation.json')
         groups = read_aggregation(path)
-        segments = read_segments(self.file(index, '_vh_clean_2.0.010000.segs.json'), rows)
+        segments_path = self.file(index, '_vh_clean_2.0.010000.segs.json')
+        segments = read_segments(segments_path, rows)
+        check_segments(groups, segments, path, segments_path)
         return Objects(groups, path, object_of_points(segments, groups))
 
     def _nyu40(self, index: int, objects: Objects) -> Int[np.ndarray, ' points']:

@@ -8,8 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.datasets.kitti_format import is_rotation
 from rm3d_plugin.storage.files import MALFORMED, read_json
+from rm3d_plugin.storage.plain_files import read_text
 from rm3d_plugin.storage.ply import read_ply
+from rm3d_plugin.storage.scans import has_place, unit_colors
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
 CLASSES = (
@@ -69,14 +72,14 @@ def read_mesh(path: Path) -> Mesh:
     """
     vertex = read_ply(path)
     _need_properties(path, vertex, ('x', 'y', 'z', 'red', 'green', 'blue'))
-    xyz = np.stack([vertex[name] for name in 'xyz'], axis=1).astype(np.float32)
-    bad = int((~np.isfinite(xyz).all(axis=1)).sum())
+    xyz = np.stack([vertex[name] for name in 'xyz'], axis=1)
+    bad = int((~has_place(xyz)).sum())
     if bad:
         raise SceneError(f'{path}: x, y, z: {bad} of {len(xyz)} vertices are NaN or infinite; copy the file again')
     if len(xyz) == 0:
         raise SceneError(f'{path}: element vertex: holds no points; copy the file again')
     colors = np.stack([vertex[name] for name in ('red', 'green', 'blue')], axis=1)
-    return Mesh(xyz, (colors / 255.0).astype(np.float32))
+    return Mesh(xyz.astype(np.float32), unit_colors(colors, 'auto', path))
 
 
 def read_label_ply(path: Path, rows: int) -> Int[np.ndarray, ' points']:
@@ -90,10 +93,9 @@ def read_label_ply(path: Path, rows: int) -> Int[np.ndarray, ' points']:
     labels = vertex['label']
     if len(labels) != rows:
         raise SceneError(f'{path}: label: {len(labels)} labels, the mesh has {rows} vertices; copy both again')
-    whole = labels.astype(np.int64)
-    if (whole != labels).any() or (len(whole) and whole.min() < 0):
+    if not (np.isfinite(labels).all() and (labels == np.floor(labels)).all() and (labels >= 0).all()):
         raise SceneError(f'{path}: label: expected whole numbers from 0 on, got {labels.min()} to {labels.max()}')
-    return whole
+    return labels.astype(np.int64)
 
 
 def read_segments(path: Path, rows: int) -> Int[np.ndarray, ' points']:
@@ -103,13 +105,11 @@ def read_segments(path: Path, rows: int) -> Int[np.ndarray, ' points']:
         SceneError: The file cannot be read, or has another count of vertices than the mesh.
     """
     values = _json_field(path, 'segIndices', 'the segment of each vertex')
-    try:
-        segments = np.array(values, dtype=np.int64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise SceneError(f'{path}: segIndices: expected a list of whole numbers: {error}') from error
-    if segments.shape != (rows,):
+    if strange := [value for value in values if not _is_segment(value)]:
+        raise SceneError(f'{path}: segIndices: expected a list of whole numbers, got {strange[0]!r:.40}')
+    if len(values) != rows:
         raise SceneError(f'{path}: segIndices: {len(values)} numbers, the mesh has {rows} vertices; copy both again')
-    return segments
+    return np.array(values, dtype=np.int64)
 
 
 def read_aggregation(path: Path) -> list[Group]:
@@ -121,7 +121,9 @@ def read_aggregation(path: Path) -> list[Group]:
     groups = []
     for number, item in enumerate(_json_field(path, 'segGroups', 'the annotated objects')):
         try:
-            groups.append(Group(str(item['label']), tuple(int(segment) for segment in item['segments'])))
+            if not (isinstance(item['segments'], list) and all(map(_is_segment, item['segments']))):
+                raise ValueError('segments: expected a list of whole numbers')
+            groups.append(Group(str(item['label']), tuple(item['segments'])))
         except MALFORMED as error:
             raise SceneError(
                 f'{path}: segGroups[{number}]: expected label and segments, got {item!r:.80} ({error})'
@@ -137,19 +139,22 @@ def read_label_map(path: Path, source: str = 'raw_category', target: str = 'nyu4
     """
     if not path.is_file():
         raise SceneError(f"{path}: no such file; expected ScanNet's label map, put it into data_root")
-    with path.open(encoding='utf-8', errors='replace', newline='') as file:
-        rows = csv.DictReader(file, delimiter='\t', quoting=csv.QUOTE_NONE)
-        missing = [name for name in (source, target) if name not in (rows.fieldnames or ())]
-        if missing:
-            raise SceneError(f'{path}: no column {missing[0]}; got {", ".join(rows.fieldnames or ()) or "nothing"}')
-        out = {}
-        for line, row in enumerate(rows, start=2):
-            try:
-                out[row[source]] = int(row[target])
-            except (TypeError, ValueError):
-                raise SceneError(f'{path}, line {line}, {target}: {row[target]!r} is no whole number') from None
-            if not 0 <= out[row[source]] <= NYU40:
-                raise SceneError(f'{path}, line {line}, {target}: expected 0 to {NYU40}, got {row[target]}')
+    text = read_text(path, strict=False)
+    rows = csv.DictReader(text.split('\n'), delimiter='\t', quoting=csv.QUOTE_NONE)
+    missing = [name for name in (source, target) if name not in (rows.fieldnames or ())]
+    if missing:
+        raise SceneError(f'{path}: no column {missing[0]}; got {", ".join(rows.fieldnames or ()) or "nothing"}')
+    out: dict[str, int] = {}
+    for row in rows:
+        where = f'{path}, line {rows.line_num}, {target}'
+        try:
+            number = int(row[target])
+        except (TypeError, ValueError):
+            raise SceneError(f'{where}: {row[target]!r} is no whole number') from None
+        if not 0 <= number <= NYU40:
+            raise SceneError(f'{where}: expected 0 to {NYU40}, got {row[target]}')
+        if out.setdefault(row[source], number) != number:
+            raise SceneError(f'{where}: {row[source]!r} is {number}, but {out[row[source]]} further above; correct it')
     return out
 
 
@@ -184,7 +189,7 @@ def read_axis_alignment(path: Path) -> Float[np.ndarray, '4 4'] | None:
     """
     if not path.is_file():
         raise SceneError(f'{path}: no such file; expected axisAlignment, or pass align=False for raw axes')
-    for line in path.read_text(encoding='utf-8-sig', errors='replace').splitlines():
+    for line in read_text(path, strict=False).split('\n'):
         key, _, text = line.partition('=')
         if key.strip() == 'axisAlignment':
             try:
@@ -193,7 +198,10 @@ def read_axis_alignment(path: Path) -> Float[np.ndarray, '4 4'] | None:
                 raise SceneError(f'{path}: axisAlignment: {error}; expected 16 numbers') from error
             if numbers.shape != (16,) or not np.isfinite(numbers).all():
                 raise SceneError(f'{path}: axisAlignment: expected 16 finite numbers, got {text.split()}')
-            return numbers.reshape(4, 4)
+            matrix = numbers.reshape(4, 4)
+            if not is_rotation(matrix[:3, :3]):
+                raise SceneError(f'{path}: axisAlignment: its first three columns are no rotation; copy the file again')
+            return matrix
     return None
 
 
@@ -207,6 +215,25 @@ def _need_properties(path: Path, vertex: Mapping[str, np.ndarray], names: tuple[
     missing = [name for name in names if name not in vertex]
     if missing:
         raise SceneError(f'{path}: vertices have no property {missing[0]}, got {", ".join(vertex)}')
+
+
+def check_segments(groups: list[Group], segments: Int[np.ndarray, ' points'], path: Path, segments_path: Path) -> None:
+    """Whether the annotated objects are about these segments.
+
+    Raises:
+        SceneError: Most of an annotation's segments are not there: the files are of different scans.
+    """
+    named = np.unique([segment for group in groups for segment in group.segments])
+    lacking = named[~np.isin(named, segments)]
+    if 2 * len(lacking) > len(named):
+        raise SceneError(
+            f'{path}: {len(lacking)} of its {len(named)} segments are not in {segments_path} (the first is '
+            f'{lacking[0]}); are both of one scan? copy both again'
+        )
+
+
+def _is_segment(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**62
 
 
 def _json_field(path: Path, field: str, what: str) -> list[Any]:

@@ -14,6 +14,8 @@ from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, che
 from rm3d_plugin.datasets.semantic3d_format import CLASSES, thin_scene
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.files import DamagedFileError, read_npz, write_npz
+from rm3d_plugin.storage.plain_files import files_ending, visible
+from rm3d_plugin.structures import SceneError
 
 Split = Literal['train', 'val', 'trainval', 'test']
 Benchmark = Literal['semantic-8', 'reduced-8']
@@ -86,7 +88,11 @@ class Semantic3DDataset(SegmentationDataset):
             raise ValueError(f'holdout: expected training stations, got {", ".join(unknown)}')
         self.data_root = Path(data_root)
         self.benchmark = benchmark
+        if isinstance(stations, str):
+            raise ValueError(f'stations: expected a list of names, got {stations!r}')
         self.stations = None if stations is None else tuple(stations)
+        if self.stations is not None and len(set(self.stations)) < len(self.stations):
+            raise ValueError(f'stations: name each once, got {list(self.stations)}')
         self.holdout = tuple(holdout)
         self.edge = check_voxel(voxel_downsample)
         self._rows: tuple[int, list[np.ndarray]] | None = None  # of the scene read last, where there is no cache
@@ -119,17 +125,21 @@ class Semantic3DDataset(SegmentationDataset):
     def _find(self, station: str, ending: str) -> Path | None:
         """The file of a station: ``STATION.txt`` or ``STATION_xyz_intensity_rgb.txt``, in any case of letters."""
         reduced = self.benchmark == 'reduced-8' and self.split == 'test'
-        for path in [*sorted(self.data_root.glob(f'*{ending}')), *sorted(self.data_root.glob(f'*/*{ending}'))]:
-            if path.parent.name.startswith('.') and path.parent != self.data_root:  # somebody is still writing there
-                continue
+        folders = [self.data_root, *(path for path in sorted(visible(self.data_root.glob('*'))) if path.is_dir())]
+        found = []
+        for path in (path for folder in folders for path in files_ending(folder, ending, large=True)):
             stem = path.stem.lower()
             if f'{stem}_'.startswith(f'{station.lower()}_') and ('reduced' in stem) == reduced:
-                return path
-        return None
+                found.append(path)
+        if len(found) > 1:
+            raise SceneError(f'{found[1]}: a second file of {station} beside {found[0]}; keep one of them')
+        return found[0] if found else None
 
     def _not_found(self, missing: list[str]) -> DatasetNotFoundError:
         what = f'there is no {", ".join(missing[:3])}{" ..." if len(missing) > 3 else ""}'
-        return not_found('Semantic3D', self.data_root, what, 'Download it from http://www.semantic3d.net', _LAYOUT)
+        return not_found(
+            'Semantic3D', self.data_root, what, 'Download it from http://www.semantic3d.net', _LAYOUT, '*station*.txt'
+        )
 
     # ------------------------------------------------------------------ one scene
 

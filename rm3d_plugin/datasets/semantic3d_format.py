@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.datasets.downsampled import VoxelThinner
+from rm3d_plugin.storage.scans import has_place
+from rm3d_plugin.storage.signatures import check_signature
 from rm3d_plugin.storage.text_table import BadTextError, parse_table
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
@@ -124,9 +126,11 @@ def read_chunks(path: str | Path, columns: int, what: str, chunk: int = CHUNK) -
     path = Path(path)
     if not path.is_file():
         raise SceneError(f'{path}: no such file; expected lines of {what}')
+    check_signature(path)
     lines = 0
     with path.open('rb') as file:
         while text := _whole_lines(file, chunk):
+            text = text if lines else text.removeprefix(b'\xef\xbb\xbf')
             try:
                 yield parse_table(text, columns)
             except BadTextError as error:
@@ -191,8 +195,15 @@ def _unit(values: Float[np.ndarray, '...'], low: float, high: float) -> Float[np
 
 
 def _check(table: Float[np.ndarray, 'rows 7'], path: str | Path, before: int) -> None:
-    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    bad = np.flatnonzero(~(np.isfinite(table).all(axis=1) & has_place(table[:, :3])))
     if len(bad):
         raise SceneError(f'{path}: point {before + int(bad[0]) + 1} holds NaN or an infinite number; drop it first')
     if len(table) and not (table[:, 4:].min() >= 0 and table[:, 4:].max() <= 255):
         raise SceneError(f'{path}: colours outside 0 to 255; expected lines of {COLUMNS}')
+    if len(table) and 0 < table[:, 4:].max() <= 1 and (table[:, 4:] % 1).any():
+        raise SceneError(f'{path}: colours from 0 to 1; expected 0 to 255: lines of {COLUMNS}')
+    if len(table) and not (table[:, 3].min() >= LEAST and table[:, 3].max() <= GREATEST):
+        raise SceneError(
+            f'{path}: intensities from {table[:, 3].min():g} to {table[:, 3].max():g}, expected {LEAST:g} to '
+            f'{GREATEST:g}; lines of {COLUMNS}'
+        )

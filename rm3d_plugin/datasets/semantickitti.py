@@ -1,7 +1,7 @@
 """SemanticKITTI in its native layout."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -18,8 +18,10 @@ from rm3d_plugin.datasets.semantickitti_format import (
     number_instances,
     read_labels,
     read_lidar_poses,
+    unit_remission,
 )
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.plain_files import files_ending
 from rm3d_plugin.structures import PointCloud, SceneError
 
 Split = Literal['train', 'val', 'trainval', 'test']
@@ -67,12 +69,10 @@ class SemanticKittiDataset(SegmentationDataset):
         check_choice('split', split, get_args(Split))
         super().__init__(split, classes=classes, **common)
         check_classes('SemanticKITTI', self.classes, len(CLASSES))
-        if every < 1:
-            raise ValueError(f'every: expected 1 or more, got {every}')
+        if every < 1 or every != int(every):
+            raise ValueError(f'every: expected a whole number from 1, got {every}')
         self.data_root = Path(data_root)
-        self.sequences = None if sequences is None else tuple(int(number) for number in sequences)
-        if self.sequences is not None and len(set(self.sequences)) != len(self.sequences):
-            raise ValueError(f'sequences: name each once, got {list(self.sequences)}')
+        self.sequences = None if sequences is None else _numbers(sequences)
         self.every = int(every)
         self.use_intensity = use_intensity
 
@@ -86,7 +86,9 @@ class SemanticKittiDataset(SegmentationDataset):
     def find_scenes(self) -> tuple[str, ...]:
         """Scans of the sequences, in order."""
         wanted = SEQUENCES[self.split] if self.sequences is None else self.sequences
-        scans = {number: sorted(self._folder(number).glob('velodyne/*.bin'))[:: self.every] for number in wanted}
+        found = {number: files_ending(self._folder(number) / 'velodyne', '.bin') for number in wanted}
+        self._tell_labels_alone(found)
+        scans = {number: paths[:: self.every] for number, paths in found.items()}
         missing = [f'{number:02d}' for number in wanted if not scans[number]]
         if missing and (self.sequences is not None or len(missing) == len(wanted)):
             raise self._not_found(f'there are no scans of sequence {", ".join(missing)}')
@@ -98,6 +100,17 @@ class SemanticKittiDataset(SegmentationDataset):
             )
         return tuple(f'{number:02d}_{path.stem}' for number in wanted for path in scans[number])
 
+    def _tell_labels_alone(self, scans: Mapping[int, Sequence[Path]]) -> None:
+        """A warning where labels have no scan: its download was cut off."""
+        for number, paths in scans.items():
+            labels = {path.stem for path in files_ending(self._folder(number) / 'labels', '.label')}
+            if paths and (alone := sorted(labels - {path.stem for path in paths})):
+                warnings.warn(
+                    f'{self._folder(number)}: {len(alone)} of {len(labels)} files of labels have no scan, and are left '
+                    f'out (the first is {alone[0]}); unpack velodyne again',
+                    stacklevel=3,
+                )
+
     def _folder(self, sequence: int) -> Path:
         return self.data_root / 'sequences' / f'{sequence:02d}'
 
@@ -107,7 +120,7 @@ class SemanticKittiDataset(SegmentationDataset):
 
     def _not_found(self, what: str) -> DatasetNotFoundError:
         source = 'Download it (scans and labels) from http://semantic-kitti.org/dataset.html'
-        return not_found('SemanticKITTI', self.data_root, what, source, _LAYOUT)
+        return not_found('SemanticKITTI', self.data_root, what, source, _LAYOUT, 'sequences/*/velodyne')
 
     # ------------------------------------------------------------------ one scene
 
@@ -116,7 +129,7 @@ class SemanticKittiDataset(SegmentationDataset):
         path = self._file(index, 'velodyne', '.bin')
         points = read_velodyne(path)
         check_points(points, path)
-        intensity = np.clip(points[:, 3], 0.0, 1.0) if self.use_intensity else None
+        intensity = unit_remission(points[:, 3], path) if self.use_intensity else None
         cloud = PointCloud(points[:, :3], intensity=intensity, sensor=(0.0, 0.0, 0.0))
         path = self._file(index, 'labels', '.label')
         if self.split == 'test' or not path.is_file():
@@ -141,6 +154,22 @@ class SemanticKittiDataset(SegmentationDataset):
         poses = read_lidar_poses(self._folder(int(sequence)))
         if poses is None:
             return None
+        if not scan.isdecimal():
+            raise SceneError(f'{self._file(index, "velodyne", ".bin")}: expected a name like 000000.bin; rename it')
         if int(scan) >= len(poses):
             raise SceneError(f'{self._folder(int(sequence)) / "poses.txt"}: {len(poses)} rows, none for scan {scan}')
         return poses[int(scan)]
+
+
+def _numbers(sequences: Sequence[int | str]) -> tuple[int, ...]:
+    """Numbers of sequences, which may be written as their folders are: ``'00'``.
+
+    Raises:
+        ValueError: One is no number, or comes twice.
+    """
+    if isinstance(sequences, str) or not all(str(number).isdecimal() for number in sequences):
+        raise ValueError(f'sequences: expected a list of numbers, [0, 8], say, got {sequences!r}')
+    numbers = tuple(int(number) for number in sequences)
+    if len(set(numbers)) != len(numbers):
+        raise ValueError(f'sequences: name each once, got {list(numbers)}')
+    return numbers

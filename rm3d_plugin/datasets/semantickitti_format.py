@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.datasets.kitti_format import is_rotation
+from rm3d_plugin.storage.plain_files import read_text
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
 CLASSES = (
@@ -24,6 +26,7 @@ RAW_TO_NAME: dict[int, str | None] = {
 # What a submission says for each class: the benchmark's inverse map.
 CLASS_TO_RAW = np.array([10, 11, 15, 18, 20, 30, 31, 32, 40, 44, 48, 49, 50, 51, 70, 71, 72, 80, 81])
 _UNKNOWN = -2
+CLIPPED = 0.01  # share of remissions that may lie outside of 0 to 1
 
 
 class RawLabels(NamedTuple):
@@ -97,6 +100,21 @@ def number_instances(
     return numbers
 
 
+def unit_remission(remission: Float[np.ndarray, ' points'], path: Path) -> Float[np.ndarray, ' points']:
+    """Remissions in [0, 1]; a few may lie outside and are clipped.
+
+    Raises:
+        SceneError: More do: they are counted otherwise.
+    """
+    outside = float(((remission < 0) | (remission > 1)).mean())
+    if outside > CLIPPED:
+        raise SceneError(
+            f'{path}: remission: expected 0 to 1, got {remission.min():g} to {remission.max():g}; divide it by its '
+            'greatest value, or leave it out: use_intensity=False'
+        )
+    return np.clip(remission, 0.0, 1.0)
+
+
 def pack_labels(semantic: Int[np.ndarray, ' points'], instance: Int[np.ndarray, ' points']) -> bytes:
     """The bytes of a label file from raw ids and raw instance numbers, both below 65536."""
     return (semantic.astype('<u4') | instance.astype('<u4') << 16).tobytes()
@@ -114,13 +132,19 @@ def read_lidar_poses(folder: str | Path) -> Float[np.ndarray, 'scans 4 4'] | Non
     folder = Path(folder)
     if not (folder / 'poses.txt').is_file() or not (folder / 'calib.txt').is_file():
         return None
-    lines = (folder / 'calib.txt').read_text(encoding='utf-8-sig', errors='replace').splitlines()
+    lines = read_text(folder / 'calib.txt', strict=False).split('\n')
     rows = [line.partition(':')[2] for line in lines if line.startswith('Tr:')]
     if len(rows) != 1:
         raise SceneError(f'{folder / "calib.txt"}: expected one line "Tr:", got {len(rows)}')
     camera_from_lidar = _matrices(rows, folder / 'calib.txt')[0]
-    text = (folder / 'poses.txt').read_text(encoding='utf-8-sig', errors='replace')
-    poses = _matrices([line for line in text.splitlines() if line.strip()], folder / 'poses.txt')
+    if not is_rotation(camera_from_lidar[:3, :3]):
+        raise SceneError(f'{folder / "calib.txt"}: Tr: its first three columns are no rotation; copy the file again')
+    text = read_text(folder / 'poses.txt', strict=False)
+    poses = _matrices([line for line in text.split('\n') if line.strip()], folder / 'poses.txt')
+    if bad := [number for number, pose in enumerate(poses, start=1) if not is_rotation(pose[:3, :3])]:
+        raise SceneError(
+            f'{folder / "poses.txt"}: row {bad[0]}: its first three columns are no rotation; copy the file again'
+        )
     return np.linalg.inv(camera_from_lidar) @ poses @ camera_from_lidar
 
 

@@ -11,6 +11,8 @@ from rm3d_plugin.datasets.base import check_choice, not_found
 from rm3d_plugin.datasets.segmentation import RawScene, SegmentationDataset, check_classes, make_cloud
 from rm3d_plugin.registry import DATASETS
 from rm3d_plugin.storage.npy import read_npy
+from rm3d_plugin.storage.plain_files import files_ending
+from rm3d_plugin.storage.scans import has_place
 from rm3d_plugin.structures import UNLABELLED, SceneError
 
 CLASSES = (
@@ -82,7 +84,7 @@ class VKITTI3DDataset(SegmentationDataset):
         if not self._paths:
             what = f'there is no frame of split {self.split!r}'
             source = 'Download it from https://github.com/VisualComputingInstitute/vkitti3D-dataset'
-            raise not_found('vKITTI 3D', self.data_root, what, source, _LAYOUT)
+            raise not_found('vKITTI 3D', self.data_root, what, source, _LAYOUT, '0*/*.npy')
         return tuple(f'{path.parent.name}_{path.stem}' for path in self._paths)
 
     def read_scene(self, index: int) -> RawScene:
@@ -98,13 +100,13 @@ class VKITTI3DDataset(SegmentationDataset):
 def find_folds(root: Path) -> list[tuple[Path, int]]:
     """Every frame with its fold: by folder (``01`` to ``06``), or by sequence and frame number.
 
-    Folders are sequences where ``0018`` or ``0020`` is among them; frames of no fold are passed over.
+    Folders are sequences where one is named like a sequence; frames of no fold are passed over.
     """
     folders = [path for path in sorted(root.glob('*')) if path.is_dir() and path.name.isdecimal()]
-    sequences = any(path.name in ('0018', '0020') for path in folders)
+    sequences = any(path.name in FRAMES for path in folders)
     found = []
     for folder in folders:
-        for path in sorted(folder.glob('*.npy')):
+        for path in files_ending(folder, '.npy'):
             fold = _fold_of_frame(folder.name, path.stem) if sequences else int(folder.name)
             if fold in FOLDS:
                 found.append((path, fold))
@@ -128,14 +130,14 @@ def read_frame(path: Path) -> Float[np.ndarray, 'points 7']:
         table = read_npy(path)
     except Exception as error:  # a damaged file shows as anything from EOFError to tokenize.TokenError
         raise SceneError(f'{path}: not readable as .npy ({error}); copy it again') from error
-    if not np.issubdtype(table.dtype, np.number) or table.ndim != 2 or table.shape[1] != 7:
+    if table.dtype.kind not in 'iuf' or table.ndim != 2 or table.shape[1] != 7:
         raise SceneError(
             f'{path}: expected numbers of shape (N, 7), x y z r g b label, got {table.shape} of {table.dtype}'
         )
     if len(table) == 0:
         raise SceneError(f'{path}: holds no points; leave the frame out')
     table = table.astype(np.float64)
-    bad = int((~np.isfinite(table).all(axis=1)).sum())
+    bad = int((~(np.isfinite(table).all(axis=1) & has_place(table[:, :3]))).sum())
     if bad:
         raise SceneError(f'{path}: {bad} of {len(table)} rows hold NaN or infinite numbers; drop them first')
     _check_range(path, 'r, g, b', table[:, 3:6], 255, whole=False)

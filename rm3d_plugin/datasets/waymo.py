@@ -1,5 +1,6 @@
 """Waymo Open Dataset, perception v2, in its native parquet files."""
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -13,11 +14,12 @@ from rm3d_plugin.datasets.waymo_format import (
     TYPES,
     FrameFiles,
     WaymoBoxes,
-    frame_times,
     read_boxes,
     read_points,
 )
+from rm3d_plugin.datasets.waymo_tables import frame_times
 from rm3d_plugin.registry import DATASETS
+from rm3d_plugin.storage.plain_files import files_ending, read_list
 from rm3d_plugin.structures import Boxes3D, PointCloud, SceneError
 
 Split = Literal['train', 'val', 'test']
@@ -87,7 +89,10 @@ class WaymoDataset(BoxDataset):
         """Frames of the segments by name and time."""
         self._frames = {}
         for segment in self._segments():
-            times = np.unique(frame_times(self.files(segment).component('vehicle_pose')))
+            path = self.files(segment).component('vehicle_pose')
+            times = np.unique(frame_times(path))
+            if len(times) == 0:
+                raise SceneError(f'{path}: holds no frame; download it again, or take the segment off the list')
             for time in times[:: self.every].tolist():
                 self._frames[f'{segment}_{time}'] = (segment, time)
         return tuple(self._frames)
@@ -95,14 +100,14 @@ class WaymoDataset(BoxDataset):
     def _segments(self) -> list[str]:
         if not (self.folder / 'lidar').is_dir():
             raise self._not_found(f'there is no {self.folder / "lidar"}')
-        there = sorted(path.stem for path in (self.folder / 'lidar').glob('*.parquet'))
+        there = [path.stem for path in files_ending(self.folder / 'lidar', '.parquet')]
         if self.ann_file is None:
             if not there:
                 raise self._not_found(f'there is no segment in {self.folder / "lidar"}')
             return there
         if not self.ann_file.is_file():
             raise self._not_found(f'there is no list {self.ann_file}')
-        named = self.ann_file.read_text(encoding='utf-8-sig').split()
+        named = read_list(self.ann_file, words=True)
         if missing := [name for name in named if name not in there]:
             raise SceneError(f'{self.ann_file}: segment {missing[0]} is not in {self.folder / "lidar"}; download it')
         if not named or len(set(named)) < len(named):
@@ -110,7 +115,9 @@ class WaymoDataset(BoxDataset):
         return named
 
     def _not_found(self, what: str) -> DatasetNotFoundError:
-        return not_found('Waymo', self.data_root, what, 'Download it from https://waymo.com/open', _LAYOUT)
+        return not_found(
+            'Waymo', self.data_root, what, 'Download it from https://waymo.com/open', _LAYOUT, 'training/lidar'
+        )
 
     def files(self, segment: str) -> FrameFiles:
         """The files of a segment."""
@@ -131,6 +138,13 @@ class WaymoDataset(BoxDataset):
         kept = [~part.in_no_label_zone for part in found]
         xyz = np.concatenate([part.xyz[keep] for part, keep in zip(found, kept, strict=True)])
         intensity = np.concatenate([part.intensity[keep] for part, keep in zip(found, kept, strict=True)])
+        if bad := int((~np.isfinite(intensity)).sum()):
+            warnings.warn(
+                f'scene {self.scene_ids[index]}: the intensities of {bad} of {len(xyz)} points are NaN or infinite; '
+                'they count as 0',
+                stacklevel=2,
+            )
+            intensity = np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)
         return PointCloud(xyz.astype(np.float32), intensity=intensity, sensor=found[0].sensor)
 
     def read_boxes(self, index: int, cloud: PointCloud) -> Boxes3D:

@@ -5,24 +5,25 @@ Frames: *laser* is that of one lidar; *vehicle* (x forward, y left, z up, origin
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.datasets.kitti_format import is_rotation
+from rm3d_plugin.datasets.waymo_tables import LASER, read_rows
 from rm3d_plugin.structures import SceneError
 
 SPLITS = {'train': 'training', 'val': 'validation', 'test': 'testing'}
 TOP = 1  # laser that turns on the roof; 2 front, 3 side left, 4 side right, 5 rear
 TYPES = {'Vehicle': 1, 'Pedestrian': 2, 'Cyclist': 4}  # 3 are signs
-SEGMENT, TIME, LASER = 'key.segment_context_name', 'key.frame_timestamp_micros', 'key.laser_name'
+OTHER_TYPES = (0, 3)  # unknown, signs
 LIDAR, CALIBRATION = '[LiDARComponent]', '[LiDARCalibrationComponent]'
 PIXEL_POSE, POSE, BOX = '[LiDARPoseComponent]', '[VehiclePoseComponent]', '[LiDARBoxComponent]'
 CHANNELS = 4  # of a range image: range in metres, intensity, elongation, whether in a no-label zone
+POSE_NUMBERS = 6  # roll, pitch, yaw, x, y, z of a pixel
 FEW_POINTS = 5  # a box with so few points is of level 2, where nobody said otherwise
-_ROWS_AT_ONCE = 16  # a range image of the top laser is 2.7 MB
 
 BOX_COLUMNS = (
     *(f'{BOX}.box.center.{axis}' for axis in 'xyz'),
@@ -82,105 +83,39 @@ class WaymoBoxes(NamedTuple):
         return WaymoBoxes(*(values[index] for values in self))
 
 
-def parquet() -> Any:
-    """The module pyarrow.parquet.
+def _image(values: Any, shape: Any, where: str, channels: int) -> Float[np.ndarray, 'rows columns channels'] | None:
+    """A range image; None where a frame has none.
 
     Raises:
-        SceneError: It is not installed.
+        SceneError: It has another shape, or its first channel holds NaN.
     """
-    try:
-        import pyarrow.parquet
-    except ImportError:
-        raise SceneError("Waymo's parquet files need pyarrow: pip install 'rm3d_plugin[waymo]'") from None
-    return pyarrow.parquet
-
-
-# ------------------------------------------------------------------ tables
-
-
-@lru_cache(maxsize=256)
-def _times(path: Path, stamp: tuple[int, int]) -> Int[np.ndarray, ' rows']:
-    table = _open(path).read(columns=[TIME])
-    return np.asarray(table.column(TIME).to_numpy(), dtype=np.int64)
-
-
-def _open(path: Path) -> Any:
-    if not path.is_file():
-        component, segment = path.parent.name, path.stem
-        raise SceneError(
-            f'{path}: no such file; segment {segment} lacks the component {component!r}: download it, or take the '
-            'segment off the list'
-        )
-    try:
-        return parquet().ParquetFile(path)
-    except Exception as error:  # pyarrow raises errors of its own for every kind of damage
-        raise SceneError(f'{path}: not a parquet file ({error}); download it again') from error
-
-
-def frame_times(path: Path) -> Int[np.ndarray, ' rows']:
-    """Time of each row of a file, microseconds.
-
-    Raises:
-        SceneError: The file is missing, damaged, or has no such column.
-    """
-    if path.is_file():
-        _check_columns(_open(path), (TIME,), path)
-    else:
-        _open(path)  # tells what is missing
-    state = path.stat()
-    return _times(path, (state.st_mtime_ns, state.st_size))
-
-
-def _check_columns(file: Any, columns: Sequence[str], path: Path) -> None:
-    there = set(file.schema_arrow.names)
-    if missing := [name for name in columns if name not in there]:
-        raise SceneError(
-            f'{path}: no column {missing[0]!r}; expected perception v2 of the Waymo Open Dataset, got '
-            f'{", ".join(sorted(there)[:6])} ...'
-        )
-
-
-def read_rows(path: Path, columns: Sequence[str], time: int | None = None) -> dict[str, list[Any]]:
-    """Columns of the rows of one frame, or of all rows.
-
-    Args:
-        path: ``SPLIT/COMPONENT/SEGMENT.parquet``.
-        columns: Their names.
-        time: Microseconds; None: every row.
-
-    Raises:
-        SceneError: The file or a column is missing.
-    """
-    file = _open(path)
-    _check_columns(file, columns, path)
-    if time is None:
-        return file.read(columns=list(columns)).to_pydict()
-    wanted = np.flatnonzero(frame_times(path) == time)
-    found: dict[str, list[Any]] = {name: [] for name in columns}
-    ends = np.cumsum([file.metadata.row_group(g).num_rows for g in range(file.metadata.num_row_groups)])
-    groups = np.unique(np.searchsorted(ends, wanted, side='right'))
-    for group in groups.tolist():
-        first = 0 if group == 0 else int(ends[group - 1])
-        for batch in file.iter_batches(_ROWS_AT_ONCE, row_groups=[group], columns=list(columns)):
-            here = wanted[(wanted >= first) & (wanted < first + len(batch))] - first
-            for name in columns if len(here) else ():
-                found[name] += [batch.column(name)[row] for row in here.tolist()]
-            first += len(batch)
-    return found
-
-
-def _image(values: Any, shape: Any, where: str) -> Float[np.ndarray, 'rows columns channels'] | None:
-    """A range image; None where a frame has none."""
     if not values.is_valid or len(values.values) == 0:
         return None
     size = tuple(shape.as_py() or ())
     numbers = np.asarray(values.values, dtype=np.float32)
     if len(size) != 3 or int(np.prod(size)) != len(numbers):
         raise SceneError(f'{where}: shape {size} does not fit {len(numbers)} values')
-    return numbers.reshape(size)
+    if size[2] != channels:
+        raise SceneError(f'{where}: shape {size}; expected {channels} numbers a pixel')
+    image = numbers.reshape(size)
+    if not np.isfinite(image[..., 0]).all():
+        raise SceneError(f'{where}: {int((~np.isfinite(image[..., 0])).sum())} pixels are NaN, infinite or empty')
+    return image
 
 
-# ------------------------------------------------------------------ components
+def read_matrix(values: Sequence[float] | None, where: str) -> Float[np.ndarray, '4 4']:
+    """A transform, row by row.
+
+    Raises:
+        SceneError: It is not 16 finite numbers that turn and move.
+    """
+    numbers = np.array(() if values is None else values, dtype=np.float64)
+    if numbers.shape != (16,) or not np.isfinite(numbers).all():
+        raise SceneError(f'{where}: expected 16 finite numbers, got {numbers.size}; download the file again')
+    matrix = numbers.reshape(4, 4)
+    if not is_rotation(matrix[:3, :3]):
+        raise SceneError(f'{where}: its first three columns are no rotation; download the file again')
+    return matrix
 
 
 def read_calibration(path: Path, rows_of: dict[int, int]) -> dict[int, LaserCalibration]:
@@ -198,15 +133,20 @@ def read_calibration(path: Path, rows_of: dict[int, int]) -> dict[int, LaserCali
     found = {}
     for laser, extrinsic, low, high, values in zip(*read_rows(path, columns).values(), strict=True):
         if laser in rows_of:
-            beams = inclinations(rows_of[laser], low, high, values)
-            found[laser] = LaserCalibration(np.array(extrinsic, dtype=np.float64).reshape(4, 4), beams)
+            where = f'{path}, laser {laser}'
+            mounted = read_matrix(extrinsic, f'{where}, extrinsic')
+            found[laser] = LaserCalibration(mounted, inclinations(rows_of[laser], low, high, values, where))
     if missing := sorted(set(rows_of) - set(found)):
         raise SceneError(f'{path}: no calibration of laser {missing[0]}; got {sorted(found)}')
     return found
 
 
 def inclinations(
-    rows: int, low: float, high: float, values: Sequence[float] | None = None
+    rows: int,
+    low: float | None,
+    high: float | None,
+    values: Sequence[float] | None = None,
+    where: str = 'lidar_calibration',
 ) -> Float[np.ndarray, ' rows']:
     """Radians of the rows of an image, the highest beam first.
 
@@ -215,13 +155,21 @@ def inclinations(
         low: Least.
         high: Greatest.
         values: Of each beam, ascending; None or empty: they divide low to high evenly, at the middle of the cells.
+        where: For messages.
+
+    Raises:
+        SceneError: There are more or fewer values than rows, or an angle is missing.
     """
     if values is not None and len(values):
         if len(values) != rows:
-            raise SceneError(f'lidar_calibration: {len(values)} beam inclinations for an image of {rows} rows')
-        return np.asarray(values, dtype=np.float64)[::-1].copy()
-    middles = (np.arange(rows) + 0.5) / rows
-    return (low + middles * (high - low))[::-1].copy()
+            raise SceneError(f'{where}: {len(values)} beam inclinations for an image of {rows} rows')
+        angles = np.asarray(values, dtype=np.float64)
+    else:
+        least, greatest = (np.nan if end is None else end for end in (low, high))
+        angles = least + (np.arange(rows) + 0.5) / rows * (greatest - least)
+    if not np.isfinite(angles).all():
+        raise SceneError(f'{where}: a beam inclination is NaN or missing; download the file again')
+    return angles[::-1].copy()
 
 
 def rotations(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> Float[np.ndarray, 'points 3 3']:
@@ -289,10 +237,12 @@ def read_points(files: FrameFiles, time: int, returns: Sequence[int], lasers: Se
     if not columns[LASER]:
         raise SceneError(f'{path}: no frame at {time} microseconds')
     images: dict[tuple[int, int], np.ndarray] = {}
-    for row, laser in enumerate(int(name.as_py()) for name in columns[LASER]):
+    for row, laser in enumerate(_laser(name, path) for name in columns[LASER]):
         for number in returns if laser in lasers else ():
             values, shape = (columns[f'{LIDAR}.range_image_return{number}.{part}'][row] for part in ('values', 'shape'))
-            image = _image(values, shape, f'{path}, laser {laser}, return {number}')
+            image = _image(values, shape, f'{path}, laser {laser}, return {number}', CHANNELS)
+            if image is None and number == 1:
+                raise SceneError(f'{path}, laser {laser}, return 1: no range image; download the file again')
             if image is not None:
                 images[laser, number] = image
     calibration = read_calibration(
@@ -300,10 +250,23 @@ def read_points(files: FrameFiles, time: int, returns: Sequence[int], lasers: Se
     )
     moving = _poses(files, time) if any(laser == TOP for laser, _ in images) else (None, None)
     still = (None, None)
+    for (laser, number), image in images.items():
+        if laser == TOP and moving[0] is not None and moving[0].shape[:2] != image.shape[:2]:
+            raise SceneError(
+                f'{files.component("lidar_pose")}: poses of {moving[0].shape[:2]} pixels, but return {number} of laser '
+                f'{TOP} has {image.shape[:2]}; download both again'
+            )
     return [
         image_points(image, calibration[laser], *(moving if laser == TOP else still))
         for (laser, _), image in sorted(images.items())
     ]
+
+
+def _laser(name: Any, path: Path) -> int:
+    number = name.as_py()
+    if not isinstance(number, int):
+        raise SceneError(f'{path}: {LASER}: expected 1 to 5, got {number!r}; download the file again')
+    return number
 
 
 def _poses(files: FrameFiles, time: int) -> tuple[np.ndarray, np.ndarray]:
@@ -313,7 +276,7 @@ def _poses(files: FrameFiles, time: int) -> tuple[np.ndarray, np.ndarray]:
     top = [row for row, laser in enumerate(rows[LASER]) if laser.as_py() == TOP]
     if not top:
         raise SceneError(f'{path}: no pose of laser {TOP} at {time} microseconds')
-    image = _image(rows[f'{part}.values'][top[0]], rows[f'{part}.shape'][top[0]], str(path))
+    image = _image(rows[f'{part}.values'][top[0]], rows[f'{part}.shape'][top[0]], str(path), POSE_NUMBERS)
     if image is None:
         raise SceneError(f'{path}: the pose of laser {TOP} at {time} microseconds is empty')
     return image, read_vehicle_pose(files, time)
@@ -325,7 +288,7 @@ def read_vehicle_pose(files: FrameFiles, time: int) -> Float[np.ndarray, '4 4']:
     found = read_rows(path, (column,), time)[column]
     if not found:
         raise SceneError(f'{path}: no pose at {time} microseconds')
-    return np.array(found[0].as_py(), dtype=np.float64).reshape(4, 4)
+    return read_matrix(found[0].as_py(), f'{path}, at {time} microseconds')
 
 
 def read_boxes(files: FrameFiles, time: int) -> WaymoBoxes:
@@ -336,10 +299,26 @@ def read_boxes(files: FrameFiles, time: int) -> WaymoBoxes:
     """
     path = files.component('lidar_box')
     rows = read_rows(path, BOX_COLUMNS, time)
-    table = np.array([[value.as_py() or 0.0 for value in rows[name]] for name in BOX_COLUMNS], dtype=np.float64).T
+    columns = [[value.as_py() for value in rows[name]] for name in BOX_COLUMNS]
+    columns[-1] = [level or 0 for level in columns[-1]]  # most boxes have none
+    table = np.array([_numbers(column, f'{path}: {name}') for name, column in zip(BOX_COLUMNS, columns, strict=True)]).T
     table = table.reshape(-1, len(BOX_COLUMNS))
-    if not np.isfinite(table).all() or (table[:, 3:6] <= 0).any():
-        raise SceneError(f'{path}: a box at {time} microseconds has a size that is not above 0 or a number that is NaN')
+    if (table[:, 3:6] <= 0).any():
+        raise SceneError(f'{path}: a box at {time} microseconds has a size that is not above 0; download it again')
     types, points, given = table[:, 7:10].astype(np.int64).T
+    if strange := sorted(set(types.tolist()) - {*TYPES.values(), *OTHER_TYPES}):
+        raise SceneError(f'{path}: {BOX}.type: expected 0 to 4, got {strange[0]}; download it again')
     level = np.where(given > 0, given, np.where(points <= FEW_POINTS, 2, 1))
     return WaymoBoxes(table[:, :7], types, points, level).select(points > 0)
+
+
+def _numbers(values: Sequence[Any], where: str) -> Float[np.ndarray, ' boxes']:
+    """One field of all boxes.
+
+    Raises:
+        SceneError: One is empty, NaN or no number.
+    """
+    for row, value in enumerate(values):
+        if not isinstance(value, int | float) or not np.isfinite(value):
+            raise SceneError(f'{where}: expected a finite number, got {value!r} in box {row}; download the file again')
+    return np.array(values, dtype=np.float64)

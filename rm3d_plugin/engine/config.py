@@ -118,23 +118,7 @@ def resolve(config: Mapping[str, Any], path: str | Path = 'config') -> dict[str,
 
 
 def _read(path: Path) -> Config:
-    if not path.is_file():
-        raise ConfigError(f'{path}: no such config{similar(path)}')
-    if path.suffix != '.py':
-        raise ConfigError(f'{path}: expected a .py config, got {path.suffix or "no suffix"}')
-    try:
-        with shipped_bases(), pages_merge():
-            config = Config.fromfile(str(path), import_custom_modules=False)
-    except Exception as error:  # a page is Python: it may raise anything
-        _close_files(error)
-        if isinstance(error, ConfigError):
-            raise ConfigError(f'{path}: {error}') from error
-        reason = f'{type(error).__name__}: {error}'
-        if isinstance(error, ConfigParsingError):
-            reason = 'beside _base_, mmengine takes a page with `import` for one of another kind: leave the import out'
-        if isinstance(error, RecursionError):
-            reason = '_base_ leads back to this page'
-        raise ConfigError(f'{path}: cannot be read as a config ({reason})') from error
+    config = read_settings(path)
     _refuse_old_names([*_dotted(config), *_dotted(config.get('demo') or {})], f'{path}: ')
     found = pages(path)
     check_names(config, found)
@@ -142,11 +126,42 @@ def _read(path: Path) -> Config:
     return config
 
 
-def _close_files(error: Exception) -> None:
-    """Close the copy of a config that mmengine leaves open where it cannot be read."""
+def read_settings(path: Path) -> Config:
+    """A page with what it goes on from, as it stands: references are not resolved, names not checked.
+
+    Raises:
+        ConfigError: The file is missing, or cannot be read as a config.
+    """
+    if not path.is_file():
+        raise ConfigError(f'{path}: no such config{similar(path)}')
+    if path.suffix != '.py':
+        raise ConfigError(f'{path}: expected a .py config, got {path.suffix or "no suffix"}')
+    try:
+        with shipped_bases(), pages_merge():
+            return Config.fromfile(str(path), import_custom_modules=False)
+    except BaseException as error:  # a page is Python: it may raise anything, and stop the program, too
+        _close_files(error)
+        if not isinstance(error, Exception | SystemExit):
+            raise
+        if isinstance(error, ConfigError):
+            raise ConfigError(f'{path}: {error}') from error
+        reason = f'{type(error).__name__}: {error}'
+        if isinstance(error, ConfigParsingError):
+            reason = 'beside _base_, mmengine takes a page with `import` for one of another kind: leave the import out'
+        raise ConfigError(f'{path}: cannot be read as a config ({reason})') from error
+
+
+def _close_files(error: BaseException | None) -> None:
+    """Close the copies of a config that mmengine leaves open where it cannot be read.
+
+    They are variables of the functions that were left. What is raised while an error is handled hides the functions
+    below: these are those of its context.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter('ignore', ResourceWarning)
-        traceback.clear_frames(error.__traceback__)
+        while error is not None:
+            traceback.clear_frames(error.__traceback__)
+            error = error.__context__
 
 
 def _dotted(values: Mapping[str, Any], prefix: str = '') -> list[str]:

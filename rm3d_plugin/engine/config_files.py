@@ -69,19 +69,40 @@ def similar(name: str | Path) -> str:
 
 @contextmanager
 def shipped_bases() -> Iterator[None]:
-    """Within this block ``_base_ = 'rm3d_plugin::NAME.py'`` is read; mmengine reads its own family's packages alone."""
+    """Within this block ``_base_ = 'rm3d_plugin::NAME.py'`` is read; mmengine reads its own family's packages alone.
+
+    A page that goes on from itself, maybe by way of others, is a ConfigError: mmengine would read until Python stops.
+    """
     mmengines = Config._get_cfg_path
+    bases: dict[Path, set[Path]] = {}
 
     def path_and_scope(base: str, filename: str) -> tuple[str, str | None]:
+        found: tuple[str, str | None]
         if base.startswith(SHIPPED):
-            return str(shipped_config(base.removeprefix(SHIPPED))), None
-        return mmengines(base, filename)
+            found = str(shipped_config(base.removeprefix(SHIPPED))), None
+        else:
+            found = mmengines(base, filename)
+        page, goes_on_from = Path(filename).resolve(), Path(found[0]).resolve()
+        bases.setdefault(page, set()).add(goes_on_from)
+        if page in _all_bases(goes_on_from, bases):
+            raise ConfigError(f'{page}: _base_ leads back to this page: {base!r}; take it out')
+        return found
 
     Config._get_cfg_path = staticmethod(path_and_scope)
     try:
         yield
     finally:
         Config._get_cfg_path = staticmethod(mmengines)
+
+
+def _all_bases(page: Path, bases: Mapping[Path, set[Path]]) -> set[Path]:
+    """A page and what it goes on from, as far as it was met."""
+    found, ahead = set[Path](), [page]
+    while ahead:
+        here = ahead.pop()
+        ahead += bases.get(here, set()) - found
+        found.add(here)
+    return found
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from rm3d_plugin.inference.predict_points import PointOptions, Segmenter, predic
 from rm3d_plugin.inference.trained import load_network
 from rm3d_plugin.models.segmentors import RM3DSegmentor
 from rm3d_plugin.storage.columns import ENDINGS, split_names
+from rm3d_plugin.storage.plain_files import visible
 
 OF_BOTH = ('format', 'columns', 'intensity_range', 'nan_points')  # options of points that boxes have, too
 
@@ -68,7 +69,7 @@ def _box_options(checkpoint: str | Path, options: PointOptions | None) -> BoxOpt
 
 
 def find_scans(paths: Sequence[Path], endings: Sequence[str]) -> list[Path]:
-    """The named files, and of folders those with one of the endings, sorted.
+    """The named files, and of folders those with one of the endings that are not hidden, sorted.
 
     Raises:
         ConfigError: There are none, or one that is named is not there or of no such kind.
@@ -79,7 +80,7 @@ def find_scans(paths: Sequence[Path], endings: Sequence[str]) -> list[Path]:
             raise ConfigError(f'{path}: no such file or folder')
         if not path.is_dir() and path.suffix.lower() not in endings:
             raise ConfigError(f'{path}: unknown ending {path.suffix!r}; expected one of {" ".join(endings)}')
-        inside = sorted(path.iterdir()) if path.is_dir() else [path]
+        inside = sorted(visible(path.iterdir())) if path.is_dir() else [path]
         found += [file for file in inside if not path.is_dir() or file.suffix.lower() in endings]
     if not found:
         raise ConfigError(f'no {" ".join(endings)} file in {", ".join(map(str, paths))}')

@@ -101,7 +101,8 @@ def _with_places(scan: ScanFile) -> dict[str, np.ndarray]:
     """The columns of a file, x, y and z first and under these names."""
     if {*'xyz'} <= scan.columns.keys():
         return dict(scan.columns)
-    return dict(zip('xyz', world_xyz(scan.cloud).T, strict=True)) | dict(scan.columns)
+    others = {name: values for name, values in scan.columns.items() if plain_name(name) not in ('x', 'y', 'z')}
+    return dict(zip('xyz', world_xyz(scan.cloud).T, strict=True)) | others
 
 
 def _bytes_of(colors: Float[np.ndarray, 'points 3']) -> dict[str, np.ndarray]:
@@ -109,7 +110,8 @@ def _bytes_of(colors: Float[np.ndarray, 'points 3']) -> dict[str, np.ndarray]:
 
 
 def _has_colors(scan: ScanFile) -> bool:
-    return {*RGB} <= {plain_name(name) for name in scan.columns}
+    """Under any names: ``R;G;B``, say; or colours that nobody measured, which were read as none."""
+    return scan.cloud.colors is not None or {*RGB} <= {plain_name(name) for name in scan.columns}
 
 
 def _ply(out: Path, name: str, scan: ScanFile, found: ScanPrediction, classes: Sequence[str]) -> list[Path]:

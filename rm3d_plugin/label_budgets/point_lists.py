@@ -15,6 +15,7 @@ from rm3d_plugin.label_budgets.point_amount import PointAmount
 from rm3d_plugin.label_budgets.points import PointBudget, RowsOf, TruthOf, collect_budget
 from rm3d_plugin.storage.files import read_json
 from rm3d_plugin.storage.npy import read_archive
+from rm3d_plugin.storage.plain_files import read_text
 
 # What a saved mapping of names to index arrays may be made of, by the old and the new name of numpy's core.
 _ARRAY_PARTS = ('_reconstruct', 'scalar')
@@ -81,21 +82,25 @@ def read_point_list(path: str | Path) -> dict[str, Int[np.ndarray, ' _points']]:
         ) from error
     if not isinstance(content, Mapping):
         raise BudgetError(f'{path}: expected a mapping of scenes to point numbers, got {type(content).__name__}')
-    return {scene_name(str(name)): _indices(path, name, rows) for name, rows in content.items()}
+    found: dict[str, Int[np.ndarray, ' _points']] = {}
+    for name, rows in content.items():
+        scene = scene_name(str(name))
+        if scene in found:
+            raise BudgetError(f'{path}: two lists for the scene {scene} (the second is {name!r}); join them')
+        found[scene] = _indices(path, name, rows)
+    return found
 
 
 def read_scene_list(path: str | Path) -> list[str]:
-    """Names of a text file, one a line, without folder and ending.
+    """Names of a text file, one a line, without folder and ending; they may have blanks.
 
     Raises:
         BudgetError: The file is missing or names nothing.
     """
     try:
-        lines = Path(path).read_text(encoding='utf-8-sig').split()
+        lines = [line.strip() for line in read_text(Path(path)).split('\n') if line.strip()]
     except FileNotFoundError:
         raise BudgetError(f'{path}: no such list of scenes') from None
-    except UnicodeDecodeError as error:
-        raise BudgetError(f'{path}: expected a text file of scene names ({error})') from error
     if not lines:
         raise BudgetError(f'{path}: names no scene')
     return [scene_name(line) for line in lines]

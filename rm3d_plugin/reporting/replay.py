@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Int
-from mmengine.config import Config
 from mmengine.registry import init_default_scope
 
 from rm3d_plugin.datasets.base import DatasetNotFoundError
-from rm3d_plugin.engine.config import ConfigError
+from rm3d_plugin.engine.config import ConfigError, read_settings
 from rm3d_plugin.labeling.sources import LabelSource
 from rm3d_plugin.ops.segment import segment_values
 from rm3d_plugin.pseudo_labels.common.assembly import (
@@ -280,7 +279,7 @@ def source_of_run(labels: str | Path, config: str | Path | None = None) -> tuple
     left = sorted(Path(labels).resolve().parent.glob('*.py')) if config is None else [Path(config)]
     if len(left) != 1:
         return None, f'{len(left)} configs beside {labels}; name one with --config'
-    settings = Config.fromfile(str(left[0]))
+    settings = read_settings(left[0])
     hooks = [hook for hook in settings.get('custom_hooks', []) if 'RegionMergeHook' in hook.type]
     if not hooks:
         return None, f'{left[0]} makes no labels'

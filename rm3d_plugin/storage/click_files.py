@@ -14,6 +14,7 @@ from rm3d_plugin.class_names import one_spelling
 from rm3d_plugin.storage.click_log_lines import LOG_HEAD, log_line, log_rows
 from rm3d_plugin.storage.clicks import COLUMNS, Click, ClickFileError, Line, click_from_row, row_of_click
 from rm3d_plugin.storage.files import read_json, write_json, write_text
+from rm3d_plugin.storage.plain_files import read_text
 
 
 def read_clicks(path: str | Path, classes: Sequence[str]) -> list[Click]:
@@ -80,10 +81,7 @@ def _json_rows(path: Path) -> list[Line]:
 
 
 def _csv_rows(path: Path) -> list[Line]:
-    try:
-        text = path.read_text(encoding='utf-8-sig')
-    except UnicodeDecodeError as error:
-        raise ClickFileError(f'{path}: expected UTF-8 text ({error})') from error
+    text = read_text(path)
     separator = max(',;\t', key=text.partition('\n')[0].count)
     reader = csv.DictReader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     names = [name.strip().lower() for name in reader.fieldnames or ()]
@@ -92,6 +90,8 @@ def _csv_rows(path: Path) -> list[Line]:
             f'{path}: the first line must name the columns: scene,index,class[,instance] or '
             f'scene,x,y,z,class[,instance]; got {",".join(names)!r}'
         )
+    if twice := [name for name in names if name and names.count(name) > 1]:
+        raise ClickFileError(f'{path}: the first line names two columns {twice[0]!r}; leave one of them')
     reader.fieldnames = names
     return [_csv_line(f'{path} line {reader.line_num}', row, separator) for row in reader]
 

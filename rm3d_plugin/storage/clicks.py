@@ -122,7 +122,7 @@ def takes_away(row: Mapping[str, Any]) -> bool:
 
 def _number(where: str, name: str, text: str, kind: Callable[[str], float]) -> float:
     try:
-        value = kind(text)
+        value = math.nan if '_' in text else kind(text)  # Python takes 1_0 for ten
     except ValueError:
         value = math.nan
     if not -LARGEST <= value <= LARGEST:  # NaN compares as False

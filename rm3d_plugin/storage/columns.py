@@ -110,8 +110,8 @@ def _readers() -> dict[str, Callable[[Path, str | None], dict[str, np.ndarray]]]
         '.las': lambda path, _: read_las(path),
         '.laz': lambda path, _: read_las(path),
         '.e57': lambda path, _: read_e57(path),
-        '.pts': lambda path, _: read_pts(path),
-        '.ptx': lambda path, _: read_ptx(path),
+        '.pts': lambda path, _: _colored(read_pts(path), path),
+        '.ptx': lambda path, _: _colored(read_ptx(path), path),
         '.npy': _npy,
         '.npz': _npz,
         '.bin': _bin,
@@ -247,6 +247,22 @@ def _tell_doubts(table: np.ndarray, path: Path) -> None:
             f'green blue {what}: if so, columns={reading!r}',
             stacklevel=5,
         )
+
+
+def _colored(columns: dict[str, np.ndarray], path: Path) -> dict[str, np.ndarray]:
+    """The columns of a format that knows no normals.
+
+    Raises:
+        SceneError: Its colours look like normals.
+    """
+    if len(columns) == 6:
+        last = np.stack([columns[name] for name in RGB], axis=1)
+        if (last.min() < 0 and np.abs(last).max() <= 1) or (len(last) > 2 and _are_normals(last)):
+            raise SceneError(
+                f'{path}: columns 4 to 6 look like normals, {path.suffix} has colours there; save it as .txt behind a '
+                "line 'x y z nx ny nz'"
+            )
+    return columns
 
 
 def _are_normals(vectors: np.ndarray) -> bool:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from rm3d_plugin.storage.text_columns import plain_text
+from rm3d_plugin.storage.text_columns import plain_text, without_decimal_commas
 from rm3d_plugin.storage.text_table import BadTextError, parse_table
 from rm3d_plugin.structures import SceneError
 
@@ -48,7 +48,9 @@ def read_pts(path: str | Path) -> dict[str, np.ndarray]:
         words = lines.words(at)
         announced = len(words) == 1
         if not announced and tables:
-            raise SceneError(f'{path}, line {at + 1}: more points than announced; correct the number before them')
+            raise SceneError(
+                f'{path}, line {lines.line_number(at)}: more points than announced; correct the number before them'
+            )
         count = lines.whole(at, 0) if announced else len(lines)
         at += announced
         stop = at + count if announced else count
@@ -85,7 +87,7 @@ def _ptx_scans(path: Path) -> Iterator[_PtxScan]:
                 'in the fourth line: transpose it'
             )
         turn = np.stack(header[6:9])[:, :3]
-        if np.isfinite(turn).all() and abs(np.linalg.det(turn)) < 1e-6:
+        if abs(np.linalg.det(turn)) < 1e-6:
             raise SceneError(
                 f'{path}, line {at + 7}: the transform puts all points into a plane; correct its first lines'
             )
@@ -115,7 +117,7 @@ def _columns(path: Path, tables: list[np.ndarray]) -> dict[str, np.ndarray]:
 
 
 class _Lines:
-    """The lines of a text that are not empty."""
+    """The lines of a text that are neither empty nor a remark behind ``#`` or ``//``."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.text = path, plain_text(path.read_bytes()).rstrip() + b'\n'
@@ -124,12 +126,14 @@ class _Lines:
         kept = self.ends - self.starts > _SHORT
         for line in np.flatnonzero(~kept):
             kept[line] = bool(self.text[self.starts[line] : self.ends[line]].strip())
+        first = np.frombuffer(self.text, dtype=np.uint8)[self.starts]
+        kept &= (first != ord('#')) & (first != ord('/'))
         self.starts, self.ends = self.starts[kept], self.ends[kept]
 
     def __len__(self) -> int:
         return len(self.ends)
 
-    def _number(self, line: int) -> int:
+    def line_number(self, line: int) -> int:
         """As an editor counts, from 1."""
         return self.text.count(b'\n', 0, int(self.starts[line])) + 1 if line < len(self) else len(self) + 1
 
@@ -141,12 +145,13 @@ class _Lines:
         """The numbers of a header line."""
         words = self.words(line)
         try:
-            if len(words) == count:
-                return np.array([float(word) for word in words])
+            numbers = np.array([float(word) for word in words])
+            if len(words) == count and np.isfinite(numbers).all():
+                return numbers
         except ValueError:
             pass
         raise SceneError(
-            f'{self.path}, line {self._number(line)}: expected {count} numbers of a header, got {self._shown(line)}'
+            f'{self.path}, line {self.line_number(line)}: expected {count} numbers of a header, got {self._shown(line)}'
         )
 
     def whole(self, line: int, least: int) -> int:
@@ -154,7 +159,7 @@ class _Lines:
         value = float(self.numbers(line, 1)[0])
         if not (least <= value < 2**53 and value == int(value)):
             raise SceneError(
-                f'{self.path}, line {self._number(line)}: expected how many there are, got {self._shown(line)}'
+                f'{self.path}, line {self.line_number(line)}: expected how many there are, got {self._shown(line)}'
             )
         return int(value)
 
@@ -167,10 +172,15 @@ class _Lines:
             raise SceneError(f'{self.path}: {len(self) - start} points, but {stop - start} are announced; cut off?')
         if start == stop:
             return np.zeros((0, 3))
+        text = self.text[self.starts[start] : self.ends[stop - 1] + 1]
+        text = without_decimal_commas(text, f'{self.path}, line {self.line_number(start)}')
         try:
-            table = parse_table(self.text[self.starts[start] : self.ends[stop - 1] + 1])
+            table = parse_table(text)
         except BadTextError as error:
-            line, shown = error.line + self._number(start) - 1, error.content[:80].decode('ascii', 'backslashreplace')
+            line, shown = (
+                error.line + self.line_number(start) - 1,
+                error.content[:80].decode('ascii', 'backslashreplace'),
+            )
             told = f'line {line}: {error.reason}: {shown!r}'
             raise SceneError(f'{self.path}, {told}; expected numbers, one point a line') from error
         if len(table) != stop - start:

@@ -131,7 +131,7 @@ def scan_of_columns(
     xyz = np.stack([parts[name] for name in 'xyz'], axis=1)
     if len(xyz) == 0:
         raise SceneError(f'{path}: holds no points')
-    finite = _has_place(xyz)
+    finite = has_place(xyz)
     if not finite.all():
         _check_nan_points(path, finite, nan_points)
         xyz, parts = xyz[finite], {name: values[finite] for name, values in parts.items()}
@@ -148,10 +148,11 @@ def scan_of_columns(
 def rows_with_place(columns: Mapping[str, np.ndarray], given: Columns | None, path: Path) -> Bool[np.ndarray, ' rows']:
     """Which rows :func:`scan_of_columns` keeps with ``nan_points='drop'``."""
     parts = find_roles(columns, given, path)
-    return _has_place(np.stack([parts[name] for name in 'xyz'], axis=1))
+    return has_place(np.stack([parts[name] for name in 'xyz'], axis=1))
 
 
-def _has_place(xyz: np.ndarray) -> Bool[np.ndarray, ' rows']:
+def has_place(xyz: np.ndarray) -> Bool[np.ndarray, ' rows']:
+    """Which rows are finite, and not too large for float32."""
     greatest = min(GREATEST, float(np.finfo(xyz.dtype).max)) if xyz.dtype.kind == 'f' else GREATEST
     finite: Bool[np.ndarray, ' rows'] = (np.abs(xyz) <= greatest).all(axis=1)  # NaN compares as False
     return finite

@@ -160,6 +160,24 @@ def _check_thousands(path: Path, text: bytes, layout: TextLayout) -> None:
         )
 
 
+def without_decimal_commas(text: bytes, where: str) -> bytes:
+    """Rows of numbers without names, with points for decimal commas: ``1,5 2,5 3,5``.
+
+    Args:
+        text: The rows; the first tells how the others are written.
+        where: File and line of the first, for messages.
+
+    Raises:
+        SceneError: Commas stand between thousands.
+    """
+    first = text[: text.find(b'\n') + 1].decode('utf-8', errors='replace').strip()
+    _, decimal_comma = _row_separator(first, '')
+    thousands = [word for word in first.split() if _THOUSANDS.fullmatch(word) and '.' in word]
+    if thousands and not decimal_comma and len(first.split()) > 1:
+        raise SceneError(f'{where}: {thousands[0]!r} seems to have commas between thousands; export it without')
+    return text.replace(b',', b'.') if decimal_comma else text
+
+
 def _of_numbers(words: list[str]) -> bool:
     return all(_THOUSANDS.fullmatch(word) or _NUMBER.fullmatch(word) for word in words if word)
 

@@ -99,7 +99,8 @@ def test_numbers_of_the_command_line_are_checked_first(words, said, capsys):
     ('page', 'told'),
     [
         ("import os\n_base_ = ['rm3d_plugin::rm3d_sem_files_rooms_clicks.py']\n", 'leave the import out'),
-        ("_base_ = ['page.py']\n", '_base_ leads back to this page'),
+        ("_base_ = ['page.py']\n", "_base_ leads back to this page: 'page.py'"),
+        ('raise SystemExit(3)\n', 'SystemExit: 3'),
         ('rounds = 1 / 0\n', 'ZeroDivisionError: division by zero'),
         ("_base_ = ['nosuch.py']\n", 'nosuch.py'),
     ],

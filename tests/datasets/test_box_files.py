@@ -142,3 +142,62 @@ def test_kitti_and_harbour_scans_as_they_are(real_data):
     assert sum(len(val.load_truth(i).boxes) for i in range(len(val))) == 48
     kitti = BoxFilesDataset(real_data / 'kitti', cache=None)
     assert kitti.box_format == 'kitti' and 'Car' in kitti.classes and len(kitti) == 8
+
+
+def test_files_beside_the_boxes(tmp_path):
+    """Hidden files do not count; others that belong to no scan are told once, and are no classes."""
+    make_world(tmp_path)
+    for name in ('._a.txt', '.DS_Store', '.ipynb_checkpoints/a.txt'):
+        (tmp_path / 'labels' / name).parent.mkdir(exist_ok=True)
+        (tmp_path / 'labels' / name).write_bytes(b'\0\5')
+    assert read(tmp_path).classes == ('car',)
+    (tmp_path / 'labels' / 'classes.txt').write_text('car\n')
+    (tmp_path / 'labels' / 'd.txt').write_text('1 2 3 4 5 6 0 boat\n')
+    with pytest.warns(UserWarning, match=r'2 of 5 files are passed over, since .*; the first is classes\.txt') as told:
+        assert read(tmp_path).classes == ('car',)
+    assert len(told) == 1
+
+
+def test_boxes_behind_a_link_to_nothing_are_told(tmp_path):
+    make_world(tmp_path)
+    (tmp_path / 'labels/b.txt').unlink()
+    (tmp_path / 'labels/b.txt').symlink_to(tmp_path / 'gone.txt')
+    with pytest.raises(FileNotFoundError, match=r'b\.txt'):
+        read(tmp_path)
+
+
+def test_boxes_of_no_scan_at_all_are_told(tmp_path):
+    make_world(tmp_path)
+    for name in 'abc':
+        (tmp_path / 'labels' / f'{name}.txt').rename(tmp_path / 'labels' / f'{name}_label.txt')
+    with pytest.raises(BoxFileError, match=r'a_label\.txt: there is no scan of that name in .*points'):
+        read(tmp_path)
+    (tmp_path / 'labels' / 'a_label.txt').rename(tmp_path / 'labels' / 'a.TXT')
+    with pytest.raises(BoxFileError, match=r'a\.TXT: expected an ending in small letters; rename the file'):
+        read(tmp_path)
+
+
+def test_a_listed_name_is_one_scan(tmp_path):
+    """``a`` is not ``a.old``, and not one of two files at will."""
+    make_world(tmp_path, names=('a', 'a.old', 'b'), labelled=('a', 'a.old', 'b'))
+    (tmp_path / 'points/b.ply').rename(tmp_path / 'points/b.PLY')
+    (tmp_path / 'train.txt').write_bytes('a\nb\n'.encode('utf-16'))
+    data = read(tmp_path)
+    assert data.scene_ids == ('a', 'b')
+    assert [data._scan(name).name for name in data.scene_ids] == ['a.ply', 'b.PLY']
+    np.save(tmp_path / 'points/a.npy', np.zeros((3, 3)))
+    with pytest.raises(SceneError, match=r'the list names a, which may be a\.npy or a\.ply; give it its ending'):
+        len(read(tmp_path))
+
+
+def test_boxes_in_another_frame_are_told(tmp_path):
+    """The scan was moved to its middle, the boxes were not."""
+    make_world(tmp_path)
+    row = ROW + np.array([4.1e5, 5.3e6, 0, 0, 0, 0, 0])
+    BOX_FORMATS['openpcdet'].write(tmp_path / 'labels/b.txt', NamedBoxes(['car'], row), 'b', None)
+    data = read(tmp_path)
+    assert len(data.load_truth(0).boxes) == 1
+    with pytest.warns(
+        UserWarning, match=r'b\.txt: all 1 boxes are farther from the points than the scan is wide; are they'
+    ):
+        data.load_truth(1)

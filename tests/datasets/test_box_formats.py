@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from kitti_world import CALIB
 
-from rm3d_plugin.datasets.box_formats import BOX_FORMATS, find_format
+from rm3d_plugin.datasets.box_formats import BOX_FORMATS, find_format, labelcloud_format
 from rm3d_plugin.datasets.named_boxes import BoxFileError, NamedBoxes
+from rm3d_plugin.structures import SceneError
 
 ROWS = np.array([[12.0, 3, 0.5, 4, 2, 1.5, 2.5], [20, -4, 0.2, 0.8, 0.6, 1.7, -1.0], [9, 1, 0, 2, 2, 2, 0]])
 BOXES = NamedBoxes(['car', 'person', 'car'], ROWS, np.array([0.9, 0.5, 0.25]))
@@ -139,3 +140,48 @@ def test_boxes_of_classes_are_numbered_and_others_left_out():
     assert boxes.labels.tolist() == [1, 0, 1] and boxes.scores.tolist() == [0.9, 0.5, 0.25]
     assert BOXES.of_classes(['Person']).tensor.tolist() == [ROWS[1].tolist()]
     assert NamedBoxes.from_boxes(boxes, ['person', 'car']).names == BOXES.names
+
+
+def test_what_labelcloud_says_of_its_files(tmp_path):
+    """``_classes.json`` tells degrees from radians where the numbers do not."""
+    path = centroid(tmp_path / 'a.json', 1.5)
+    assert labelcloud_format(tmp_path) is None
+    for told, kind in (('centroid_abs', 'labelcloud_abs'), ('centroid_rel', 'labelcloud_rel')):
+        (tmp_path / '_classes.json').write_text(json.dumps({'classes': [{'name': 'cart', 'id': 0}], 'format': told}))
+        assert find_format([path], labelcloud_format(tmp_path)) == kind
+    with pytest.raises(BoxFileError, match='may be radians or degrees'):
+        find_format([path])
+    assert find_format([centroid(path, 90)], 'centroid_rel') == 'labelcloud_abs'
+    kitti = BOX_FORMATS['kitti'].write(tmp_path / 'a.txt', BOXES, 'a.ply', CALIB)
+    with pytest.raises(BoxFileError, match='labelCloud saved these boxes as kitti_untransformed'):
+        find_format([kitti], 'kitti_untransformed')
+
+
+@pytest.mark.parametrize(
+    ('name', 'text', 'told'),
+    [
+        ('labelcloud_rel', '{"objects": null}', 'objects: expected a list, got None'),
+        (
+            'labelcloud_vertices',
+            '{"objects": [{"name": "a", "vertices": [1, 2, 3, 4, 5, 6, 7, 8]}]}',
+            'expected 8 corners',
+        ),
+        ('json', '{"boxes": 5}', 'boxes: expected a list, got 5'),
+        ('json', '{"boxes": [{"center": 5, "size": [1, 1, 1], "yaw": 0, "class": "a"}]}', 'center: expected a list'),
+        ('json', '{"boxes": [{"center": [true, 0, 0], "size": [1, 1, 1], "yaw": 0, "class": "a"}]}', 'center is True'),
+        ('json', '{"boxes": [{"center": ["1_0", 0, 0], "size": [1, 1, 1], "yaw": 0, "class": "a"}]}', "is '1_0'"),
+        ('json', '{"boxes": [{"center": [0, 0, 0], "size": [1, 1, 1], "yaw": 0, "class": null}]}', 'class is None'),
+        (
+            'json',
+            '{"boxes": [{"center": [0, 0, 0], "size": [1, 1, 1], "yaw": 90, "class": "a"}]}',
+            'is 90, expected radians',
+        ),
+        ('openpcdet', '1 2 3 4 5 6 90 car', 'line 1: the turn about z is 90, expected radians; degrees'),
+        ('openpcdet', '1 2 3 4 5 6 0 Fu\xdf', 'line 1: byte 0xdf is no UTF-8; save the file as UTF-8 text'),
+    ],
+)
+def test_fields_of_another_kind_are_told(name, text, told, tmp_path):
+    path = tmp_path / f'a{BOX_FORMATS[name].ending}'
+    path.write_bytes(text.encode('latin-1'))
+    with pytest.raises(SceneError, match=told):
+        BOX_FORMATS[name].read(path, None)

@@ -1,6 +1,7 @@
 """Any folder of scans becomes a data set."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -199,3 +200,31 @@ def test_a_stray_point_is_named_when_thinning(tmp_path):
     np.save(tmp_path / 'a.npy', np.array([[0.0, 0, 0], [9e5, 0, 0]]))
     with pytest.raises(SceneError, match='scene a: thinning to 0.02 m: a point lies 900000 m from the first one'):
         build(tmp_path, voxel_downsample=0.02).load_cloud(0)
+
+
+def write_rows(path):
+    path.write_text('x y z\n0 0 0\n1 0 0\n2 0 0\n')
+
+
+def test_links_to_nothing_and_names_that_are_no_utf_8_are_told(tmp_path):
+    write_rows(tmp_path / 'a.txt')
+    (tmp_path / 'b.ply').symlink_to(tmp_path / 'gone.ply')
+    data = FilesDataset(tmp_path, cache=None)
+    assert data.scene_ids == ('a', 'b')
+    with pytest.raises(SceneError, match=r'b\.ply: no such file'):
+        data.load_cloud(1)
+    (tmp_path / 'b.ply').unlink()
+    write_rows(tmp_path / os.fsdecode(b'b\xfcro.txt'))
+    with pytest.raises(SceneError, match='the name of its file or folder is no UTF-8; rename it'):
+        len(FilesDataset(tmp_path, cache=None))
+    with pytest.warns(UserWarning, match='1 of 2 scenes cannot be used and are left out'):
+        assert FilesDataset(tmp_path, cache=None, bad_scenes='skip').scene_ids == ('a',)
+
+
+def test_lists_of_other_programs(tmp_path):
+    write_rows(tmp_path / 'a b.txt')
+    (tmp_path / 'list').write_bytes('a b.txt\r\n'.encode('utf-16'))
+    assert FilesDataset(tmp_path, ann_file='list', cache=None).scene_ids == ('a b',)
+    (tmp_path / 'list').write_bytes(b'')
+    with pytest.raises(SceneError, match='list: names no scan; list one a line'):
+        len(FilesDataset(tmp_path, ann_file='list', cache=None))

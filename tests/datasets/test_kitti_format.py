@@ -256,3 +256,51 @@ def test_a_calibration_that_flattens_space_is_told(tmp_path):
     (tmp_path / 'b.txt').write_text('\n'.join(flat))
     with pytest.raises(SceneError, match='b.txt, Tr_velo_to_cam: its first three columns are no rotation'):
         kf.read_calib(tmp_path / 'b.txt')
+
+
+@pytest.mark.parametrize(
+    ('row', 'told'),
+    [
+        ('R0_rect: 1000 0 0 0 1000 0 0 0 1000', 'R0_rect: its first three columns are no rotation'),
+        ('R0_rect: 1 0 0 0 1 0 0 0 -1', 'R0_rect: its first three columns are no rotation'),
+        ('P2: ' + '0 ' * 12, 'P2: it maps all points onto a line or a point'),
+        ('P2: 1_0 0 0 0 0 1 0 0 0 0 1 0', "P2: number 1 is '1_0', expected a number"),
+    ],
+)
+def test_matrices_that_cannot_be(tmp_path: Path, row: str, told: str) -> None:
+    path = tmp_path / 'a.txt'
+    kf.write_calib(path, straight_calib())
+    kept = [line for line in path.read_text().splitlines() if not line.startswith(row[:3])]
+    path.write_text('\n'.join([*kept, row]))
+    with pytest.raises(SceneError, match=told):
+        kf.read_calib(path)
+    path.write_text('\n'.join([*kept, row, row]))
+    with pytest.raises(SceneError, match=f'line 4: a second line {row[: row.find(":")]}|1_0'):
+        kf.read_calib(path)
+
+
+@pytest.mark.parametrize(
+    ('line', 'told'),
+    [
+        ('Car 0 0.5 0 1 2 3 4 1.5 1.6 4 2 1.5 10 -1.57', 'line 1: occluded is 0.5, expected a whole number, 0 to 3'),
+        ('Car 0 0 0 1 2 3 4 1.5 1.6 4 2 1.5 10 -90', 'line 1: ry is -90, expected radians; degrees'),
+    ],
+)
+def test_fields_that_cannot_be(tmp_path: Path, line: str, told: str) -> None:
+    (tmp_path / 'a.txt').write_text(line)
+    with pytest.raises(SceneError, match=told):
+        kf.read_objects(tmp_path / 'a.txt')
+
+
+def test_texts_of_other_programs(tmp_path: Path) -> None:
+    line = kf.format_object(CAR)
+    (tmp_path / 'a.txt').write_bytes(line.encode('utf-16'))
+    assert kf.read_objects(tmp_path / 'a.txt') == [kf.read_objects(written(tmp_path, line))[0]]
+    (tmp_path / 'a.png').write_bytes(b'\x89PNG\r\n\x1a\n' + struct.pack('>I4sII', 13, b'IHDR', 0, 0))
+    with pytest.raises(SceneError, match='an image of 0 x 0 pixels'):
+        kf.read_image_size(tmp_path / 'a.png')
+
+
+def written(folder: Path, line: str) -> Path:
+    (folder / 'b.txt').write_text(line)
+    return folder / 'b.txt'

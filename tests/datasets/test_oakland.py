@@ -85,9 +85,12 @@ def test_parsed_once(tmp_path):
     [
         ('', 'holds no points'),
         (HEADER, 'holds no points'),
-        (ROWS + '1 2 3 1400', 'number of columns changed'),
-        ('1 2 3 1400\n', '4 numbers a line; expected x y z label confidence'),
-        (ROWS + '1 2 here 1400 2\n', 'could not convert string'),
+        (ROWS + '1 2 3 1400', 'line 5: 4 numbers, expected 5'),
+        ('1 2 3 1400\n', 'line 1: 4 numbers, expected 5: .*; expected x y z label confidence'),
+        (ROWS + '1 2 here 1400 2\n', "line 5: 'here' is not a number"),
+        (ROWS + '1 2 3 1400.5 2\n', 'label: expected whole numbers, got 1400.5'),
+        (ROWS + '1e300 2 3 1400 2\n', '1 of 5 lines hold NaN'),
+        ('<html>404', 'is a web page, not .xyz_label_conf; download it again'),
         (ROWS + '1 2 nan 1400 2\n', '1 of 5 lines hold NaN'),
         ('1 2 3 4 2\n', r'label ids that Oakland does not have: 4 \(1 points\)'),
     ],
@@ -131,3 +134,13 @@ def test_real_tiles(real_data):
     cloud, truth = dataset.load_cloud(2), dataset.load_truth(2)
     ground, wire = (cloud.xyz[truth.semantic == CLASSES.index(name), 2] for name in ('ground', 'wire'))
     assert np.median(wire) > np.median(ground) + 3
+
+
+@pytest.mark.parametrize('encoding', ['utf-16', 'utf-8-sig'])
+def test_tiles_of_other_programs(tmp_path, encoding):
+    path = write(tmp_path)
+    path.write_bytes((HEADER + ROWS).replace('\n', '\r\n').encode(encoding))
+    assert read_names(path) == {1103: 'utility_pole', 1200: 'load_bearing'}
+    assert OaklandDataset(tmp_path, tiles=['part2_ac'], cache=None).load_cloud(0).xyz[1].tolist() == [1, 2, 3]
+    with pytest.raises(ValueError, match="tiles: expected a list of names, got 'part2_ac'"):
+        OaklandDataset(tmp_path, tiles='part2_ac')

@@ -202,3 +202,55 @@ def test_a_single_point(tmp_path):
     write_room(tmp_path, 'Area_5/tiny_1', {'board_1': '1 2 3 4 5 6'})
     item = build(tmp_path, labels='truth')[0]
     assert item['points'].shape == (1, 6) and item['semantic'].tolist() == [11] and item['instance'].tolist() == [0]
+
+
+def test_what_lies_in_folders_beside_the_data(world):
+    """Hidden files do not count, texts of other programs are read, rooms and areas that lack are told."""
+    folder = world / 'Area_1/office_1/Annotations'
+    plain = S3DISDataset(world, cache=None).load_cloud(0)
+    for name in ('._chair_2.txt', '.DS_Store', 'Thumbs.db'):
+        (folder / name).write_bytes(b'\x00\x05')
+    (world / 'Area_1/._office_1/Annotations').mkdir(parents=True)
+    text = (folder / 'chair_10.txt').read_text()
+    (folder / 'chair_10.txt').write_bytes(text.encode('utf-16'))
+    (folder / 'ceiling_1.txt').write_bytes(b'\xef\xbb\xbf' + (folder / 'ceiling_1.txt').read_bytes())
+    dataset = S3DISDataset(world, cache=None)
+    assert dataset.scene_ids[0] == 'Area_1_office_1' and len(dataset) == 5
+    np.testing.assert_array_equal(dataset.load_cloud(0).xyz, plain.xyz)
+    (world / 'Area_1/office_2').mkdir()
+    (world / 'Area_6').rename(world / 'area_6')
+    with pytest.warns(UserWarning) as told:
+        assert len(S3DISDataset(world).scene_ids) == 4
+    assert 'no rooms in Area_6; they are left out' in str(told[0].message)
+    assert 'office_2: no folder Annotations, so it is left out (1 such folders)' in str(told[1].message)
+    (folder / 'wall_1.TXT').write_text('1 2 3 4 5 6\n')
+    assert [item.path.name for item in list_objects(folder)][-1] == 'wall_1.TXT'
+
+
+def test_colours_from_0_to_1_stay(tmp_path):
+    write_room(tmp_path, 'Area_5/a', {'wall_1': '0 0 0 0.5 0.25 1\n', 'floor_1': '1 0 0 0 0 0.125\n'})
+    colors = S3DISDataset(tmp_path, 'test', cache=None).load_cloud(0).colors
+    np.testing.assert_array_equal(colors, [[0, 0, 0.125], [0.5, 0.25, 1]])
+
+
+def test_a_folder_above_or_below_is_named(world):
+    for root in (world / 'Area_1', world.parent):
+        with pytest.raises(DatasetNotFoundError) as told:
+            len(S3DISDataset(root))
+        assert f'It seems to lie at {world}: pass data_root={world}.' in str(told.value)
+    with pytest.raises(DatasetNotFoundError) as told:
+        len(S3DISDataset(world / 'nothing'))
+    assert 'It seems' not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ('text', 'told'),
+    [
+        ('1e300 0 0 1 2 3\n', 'line 1: x is 1e.300, expected a finite number'),
+        ('7z\xbc\xaf\x27\x1c', 'is a 7z archive, not .txt; unpack it first'),
+    ],
+)
+def test_a_file_that_is_no_object(tmp_path, text, told):
+    write_room(tmp_path, 'Area_5/a', {'wall_1': text})
+    with pytest.raises(SceneError, match=told):
+        S3DISDataset(tmp_path, 'test', cache=None).load_cloud(0)

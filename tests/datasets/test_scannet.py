@@ -231,3 +231,58 @@ def test_bad_scans_are_left_out_with_one_warning(world):
     dataset = ScanNetDataset(world, bad_scenes='skip')
     with pytest.warns(UserWarning, match='1 of 2 scenes cannot be used and are left out: scene0001_00'):
         assert dataset.scene_ids == (SCAN,)
+
+
+def changed(path, **fields):
+    path.write_text(json.dumps(json.loads(path.read_text()) | fields))
+
+
+@pytest.mark.parametrize('wrong', [[*SEGMENTS[:7], 30.5], [True, *SEGMENTS[1:]], ['5', *SEGMENTS[1:]]])
+def test_segments_are_whole_numbers(world, wrong):
+    base = world / 'scans' / SCAN
+    changed(base / f'{SCAN}_vh_clean_2.0.010000.segs.json', segIndices=wrong)
+    with pytest.raises(SceneError, match='segIndices: expected a list of whole numbers, got'):
+        ScanNetDataset(world).load_truth(0)
+
+
+@pytest.mark.parametrize(
+    ('segments', 'told'),
+    [
+        (['5', [9], [2], [7]], r'segGroups\[0\]: expected label and segments'),
+        ([[5.9], [9], [2], [7]], r'segGroups\[0\]: expected label and segments'),
+        ([[105], [109], [102], [7]], r'3 of its 4 segments are not in .*segs\.json .*102.*are both of one scan'),
+    ],
+)
+def test_objects_name_segments_of_the_scan(world, segments, told):
+    groups = [{'label': 'wall', 'segments': part} for part in segments]
+    changed(world / 'scans' / SCAN / f'{SCAN}.aggregation.json', segGroups=groups)
+    with pytest.raises(SceneError, match=told):
+        ScanNetDataset(world).load_truth(0)
+
+
+@pytest.mark.parametrize(('kind', 'brightest'), [('f4', 1.0), ('u2', 65535)])
+def test_colours_of_other_kinds(world, kind, brightest):
+    rgb = (RGB / 255 * brightest).astype(kind)
+    columns = {a: XYZ[:, i] for i, a in enumerate('xyz')} | {
+        c: rgb[:, i] for i, c in enumerate(('red', 'green', 'blue'))
+    }
+    write_ply(world / 'scans' / SCAN / f'{SCAN}_vh_clean_2.ply', columns)
+    np.testing.assert_allclose(ScanNetDataset(world).load_cloud(0).colors, RGB / 255, atol=2e-5)
+
+
+def test_a_matrix_that_does_not_turn_is_told(world):
+    (world / 'scans' / SCAN / f'{SCAN}.txt').write_text('axisAlignment = ' + '0 ' * 16)
+    with pytest.raises(SceneError, match='axisAlignment: its first three columns are no rotation'):
+        ScanNetDataset(world).load_cloud(0)
+
+
+def test_lists_and_maps_of_other_programs(world):
+    """UTF-16 and marks at the beginning; one name with two ids is told."""
+    (world / 'scannetv2_train.txt').write_bytes((SCAN + '\r\n').encode('utf-16'))
+    assert ScanNetDataset(world).scene_ids == (SCAN,)
+    path = world / 'map.tsv'
+    path.write_bytes(TSV.replace('\n', '\r\n').encode('utf-16'))
+    assert read_label_map(path) == {'wall': 1, 'chair': 5, 'office chair': 5, 'cushion': 18}
+    path.write_text(TSV + '9\tchair\tchair\t7\n')
+    with pytest.raises(SceneError, match="map.tsv, line 6, nyu40id: 'chair' is 7, but 5 further above"):
+        read_label_map(path)

@@ -195,3 +195,40 @@ def test_bad_files_are_named(tmp_path, text, labels, message):
     write(tmp_path, text=text, labels=labels)
     with pytest.raises(SceneError, match=message):
         one(tmp_path).load_cloud(0)
+
+
+def test_a_second_copy_of_a_station_is_told(tmp_path):
+    path = write(tmp_path)
+    path.with_name('sg27_station4_intensity_rgb (1).txt').write_text(TEXT)
+    with pytest.raises(SceneError, match=r'a second file of sg27_station4 beside .*keep one of them'):
+        len(one(tmp_path))
+    with pytest.raises(ValueError, match='stations: name each once'):
+        Semantic3DDataset(tmp_path, stations=['sg27_station4', 'sg27_station4'])
+
+
+@pytest.mark.parametrize(
+    ('text', 'told'),
+    [
+        (
+            TEXT.replace('255 0 51', '0.5 0 1').replace('1 2 3', '0 0 1').replace('9 9 9', '0 1 1'),
+            'colours from 0 to 1',
+        ),
+        (TEXT.replace('2047', '5000'), 'intensities from -2048 to 5000, expected -2048 to 2047'),
+        (TEXT.replace('1.5', '1e300'), 'point 3 holds NaN or an infinite number'),
+        ("7z\xbc\xaf'\x1c\n", 'is a 7z archive, not .txt; unpack it first'),
+    ],
+)
+def test_values_of_another_kind_are_told(tmp_path, text, told):
+    write(tmp_path).write_bytes(text.encode('latin-1'))
+    with pytest.raises(SceneError, match=told):
+        one(tmp_path).load_cloud(0)
+
+
+def test_marks_before_text_and_labels(tmp_path):
+    path = write(tmp_path)
+    truth = one(tmp_path).load_truth(0).semantic
+    for file in (path, path.with_suffix('.labels')):
+        file.write_bytes(b'\xef\xbb\xbf' + file.read_bytes())
+        file.rename(file.with_suffix(file.suffix.upper()))
+    (tmp_path / 'README.TXT').write_text('')
+    np.testing.assert_array_equal(one(tmp_path).load_truth(0).semantic, truth)

@@ -100,7 +100,7 @@ def test_a_submission_goes_there_and_back(tmp_path):
 def test_every_second_scan_and_any_sequences(world):
     assert one(world, every=2).scene_ids == ('00_000000', '00_000002', '00_000004')
     assert SemanticKittiDataset(world, sequences=[8, 0], every=5).scene_ids == ('08_000003', '00_000000')
-    with pytest.raises(ValueError, match='every: expected 1 or more, got 0'):
+    with pytest.raises(ValueError, match='every: expected a whole number from 1, got 0'):
         one(world, every=0)
     with pytest.raises(ValueError, match='name each once'):
         SemanticKittiDataset(world, sequences=[0, 0])
@@ -191,3 +191,57 @@ def test_real_scans(real_data):
     assert 0 <= cloud.intensity.min() and cloud.intensity.max() <= 1
     road = cloud.xyz[truth.semantic == CLASSES.index('road')]
     assert abs(np.median(road[np.abs(road[:, 0]) < 10, 2]) + 1.73) < 0.15  # the sensor rides 1.73 m above it
+
+
+def test_remissions_of_another_scale_are_told(world):
+    path = world / 'sequences/00/velodyne/000000.bin'
+    path.write_bytes((POINTS * np.array([1, 1, 1, 255], dtype='f4')).astype('<f4').tobytes())
+    with pytest.raises(SceneError, match=r'000000\.bin: remission: expected 0 to 1, got 0 to 255; divide it'):
+        one(world).load_cloud(0)
+    assert one(world, use_intensity=False).load_cloud(0).intensity is None
+
+
+@pytest.mark.parametrize(
+    ('calib', 'poses', 'told'),
+    [
+        ('Tr: ' + '0 ' * 12, '1 0 0 0 0 1 0 0 0 0 1 0', r'calib\.txt: Tr: its first three columns are no rotation'),
+        ('Tr: 1 0 0 0 0 1 0 0 0 0 1 0', '0 ' * 12, r'poses\.txt: row 1: its first three columns are no rotation'),
+    ],
+)
+def test_matrices_that_do_not_turn_are_told(tmp_path, calib, poses, told):
+    (tmp_path / 'calib.txt').write_text(calib)
+    (tmp_path / 'poses.txt').write_text(poses)
+    with pytest.raises(SceneError, match=told):
+        read_lidar_poses(tmp_path)
+
+
+def test_names_of_scans(world):
+    folder = world / 'sequences/00'
+    (folder / 'velodyne/._000000.bin').write_bytes(b'\0\5')
+    assert len(one(world)) == 5
+    (folder / 'velodyne/000000.bin').rename(folder / 'velodyne/scan.bin')
+    (folder / 'labels/000000.label').rename(folder / 'labels/scan.label')
+    (folder / 'calib.txt').write_text('Tr: 1 0 0 0 0 1 0 0 0 0 1 0')
+    (folder / 'poses.txt').write_text('1 0 0 0 0 1 0 0 0 0 1 0\n')
+    with pytest.raises(SceneError, match=r'scan\.bin: expected a name like 000000\.bin; rename it'):
+        one(world).pose(4)
+    (folder / 'velodyne/scan.bin').rename(folder / 'velodyne/scan.BIN')
+    with pytest.raises(SceneError, match=r'scan\.BIN: expected the ending \.bin in small letters'):
+        len(one(world))
+
+
+def test_labels_without_a_scan_are_told(world):
+    (world / 'sequences/00/velodyne/000002.bin').unlink()
+    with pytest.warns(
+        UserWarning, match=r'1 of 5 files of labels have no scan, .*the first is 000002\); unpack velodyne'
+    ):
+        assert len(one(world)) == 4
+
+
+def test_sequences_may_be_written_as_their_folders(world):
+    assert len(SemanticKittiDataset(world, sequences=['00'])) == 5
+    for wrong in ('00', ['a'], [1.5]):
+        with pytest.raises(ValueError, match=r'sequences: expected a list of numbers, \[0, 8\], say, got'):
+            SemanticKittiDataset(world, sequences=wrong)
+    with pytest.raises(ValueError, match='every: expected a whole number from 1, got 1.5'):
+        one(world, every=1.5)

@@ -125,3 +125,19 @@ def test_cut_off_and_missing(tmp_path):
         read_frame(tmp_path / 'b.npy')
     with pytest.raises(DatasetNotFoundError, match="no frame of split 'test'(.|\n)*01/   0001_00000.npy"):
         len(VKITTI3DDataset(tmp_path, split='test'))
+
+
+def test_two_sequences_are_no_folds(tmp_path):
+    """Half a download: 0001 holds two folds, 0002 is the third."""
+    for name in ('0001/00000.npy', '0001/00300.npy', '0002/00000.npy'):
+        write(tmp_path, name)
+    write(tmp_path, '0001/._00000.npy')
+    assert VKITTI3DDataset(tmp_path, 'test', test_fold=2).scene_ids == ('0001_00300',)
+    assert VKITTI3DDataset(tmp_path, 'test', test_fold=3).scene_ids == ('0002_00000',)
+
+
+def test_numbers_that_no_frame_has(tmp_path):
+    with pytest.raises(SceneError, match=r'expected numbers of shape \(N, 7\).*complex'):
+        read_frame(write(tmp_path, 'a.npy', ROWS.astype(complex)))
+    with pytest.raises(SceneError, match='1 of 4 rows hold NaN or infinite numbers'):
+        read_frame(write(tmp_path, 'a.npy', np.where(ROWS == 5.5, 1e300, ROWS)))

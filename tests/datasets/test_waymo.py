@@ -7,17 +7,16 @@ from rm3d_plugin.datasets import DatasetNotFoundError, WaymoDataset
 from rm3d_plugin.datasets.waymo_format import (
     BOX,
     CALIBRATION,
-    LASER,
     LIDAR,
-    SEGMENT,
-    TIME,
     FrameFiles,
     LaserCalibration,
     image_points,
     inclinations,
+    read_matrix,
     read_points,
     rotations,
 )
+from rm3d_plugin.datasets.waymo_tables import LASER, SEGMENT, TIME
 from rm3d_plugin.structures import SceneError
 
 pytest.importorskip('pyarrow', reason="needs pyarrow: pip install 'rm3d_plugin[waymo]'")
@@ -222,7 +221,8 @@ def test_a_damaged_file_and_a_bad_box_are_told(tmp_path):
     data = tiny(tmp_path)
     write_table(
         tmp_path / 'training' / 'lidar_box' / 's.parquet',
-        {TIME: [7], f'{BOX}.type': [1], f'{BOX}.num_lidar_points_in_box': [9], f'{BOX}.box.heading': [0.0]}
+        {SEGMENT: 's', TIME: [7], f'{BOX}.type': [1], f'{BOX}.num_lidar_points_in_box': [9]}
+        | {f'{BOX}.box.heading': [0.0]}
         | {f'{BOX}.difficulty_level.detection': [2]}
         | {f'{BOX}.box.{part}.{axis}': [0.0] for part in ('center', 'size') for axis in 'xyz'},
     )
@@ -243,3 +243,85 @@ def test_the_same_seed_gives_the_same_bytes_and_other_folders_are_refused(waymo,
         make_waymo_streets(tmp_path / 'mine', 1, 1)
     with pytest.raises(ValueError, match='an even number of times makes 360'):
         make_waymo_streets(tmp_path / 'odd', 1, 1, azimuth_step=0.7)
+
+
+def put(root, component, column, values):
+    """Write other values into one column of a component."""
+    import pyarrow.parquet
+
+    path = root / 'training' / component / 's.parquet'
+    table = pyarrow.parquet.read_table(path)
+    columns = {name: table.column(name).to_pylist() for name in table.column_names} | {column: values}
+    pyarrow.parquet.write_table(pyarrow.table(columns), path)
+
+
+POSE_COLUMN = '[VehiclePoseComponent].world_from_vehicle.transform'
+MOUNTED = f'{CALIBRATION}.extrinsic.transform'
+RANGES = f'{LIDAR}.range_image_return1'
+
+
+@pytest.mark.parametrize(
+    ('component', 'column', 'values', 'told'),
+    [
+        ('lidar', SEGMENT, ['t'], 'lidar/s.parquet: its rows are of segment t; download the file again'),
+        ('lidar_box', SEGMENT, ['t'], 'lidar_box/s.parquet: its rows are of segment t'),
+        ('lidar', LASER, [None], 'key.laser_name: expected 1 to 5, got None'),
+        ('lidar', f'{RANGES}.shape', [[2, 16, 1]], r'shape \(2, 16, 1\); expected 4 numbers a pixel'),
+        ('lidar', f'{RANGES}.values', [[np.nan] + [1.0] * 31], 'return 1: 1 pixels are NaN, infinite or empty'),
+        ('lidar', f'{RANGES}.values', [[None] + [1.0] * 31], 'return 1: 1 pixels are NaN, infinite or empty'),
+        ('lidar', f'{RANGES}.values', [None], 'laser 2, return 1: no range image; download the file again'),
+        ('lidar_calibration', MOUNTED, [[1.0] * 12], 'laser 2, extrinsic: expected 16 finite numbers, got 12'),
+        ('lidar_calibration', MOUNTED, [[0.0] * 16], 'extrinsic: its first three columns are no rotation'),
+        ('lidar_calibration', f'{CALIBRATION}.beam_inclination.min', [None], 'laser 2: a beam inclination is NaN or'),
+        (
+            'lidar_calibration',
+            f'{CALIBRATION}.beam_inclination.values',
+            [[0.1]],
+            '1 beam inclinations for an image of 2',
+        ),
+        ('vehicle_pose', TIME, [None], 'expected whole microseconds, got null, 1 empty'),
+        ('vehicle_pose', TIME, [7.5], 'expected whole microseconds, got double'),
+        ('lidar_box', f'{BOX}.type', [9], 'type: expected 0 to 4, got 9'),
+        ('lidar_box', f'{BOX}.type', ['TYPE_VEHICLE'], "type: expected a finite number, got 'TYPE_VEHICLE' in box 0"),
+        ('lidar_box', f'{BOX}.box.heading', [None], 'heading: expected a finite number, got None in box 0'),
+        ('lidar_box', f'{BOX}.num_lidar_points_in_box', [None], 'points_in_box: expected a finite number, got None'),
+    ],
+)
+def test_values_that_no_file_has_are_told(component, column, values, told, tmp_path):
+    data = tiny(tmp_path)
+    put(tmp_path, component, column, values)
+    with pytest.raises(SceneError, match=told):
+        data.load_truth(0)
+
+
+def test_a_box_without_a_level_has_that_of_its_points(tmp_path):
+    data = tiny(tmp_path)
+    put(tmp_path, 'lidar_box', f'{BOX}.difficulty_level.detection', [None])
+    assert data.annotation(0).level.tolist() == [1]
+
+
+def test_a_transform_turns_and_moves():
+    with pytest.raises(SceneError, match='first three columns are no rotation'):
+        read_matrix(np.diag([1.0, 1, 0, 1]).ravel(), 'pose')
+    np.testing.assert_array_equal(read_matrix(np.eye(4).ravel(), 'pose'), np.eye(4))
+
+
+def test_intensities_that_are_nan_count_as_0(tmp_path):
+    data = tiny(tmp_path)
+    image = np.zeros((2, 4, 4))
+    image[0, 1], image[1, 1] = [10.0, np.nan, 0, 0], [10.0, 0.5, 0, 0]
+    put(tmp_path, 'lidar', f'{RANGES}.values', [image.ravel().tolist()])
+    with pytest.warns(UserWarning, match='the intensities of 1 of 2 points are NaN or infinite; they count as 0'):
+        intensity = data.read_cloud(0).intensity
+    assert intensity.tolist() == [0.0, 0.5]
+
+
+def test_hidden_files_and_segments_without_frames(tmp_path):
+    data = tiny(tmp_path)
+    (tmp_path / 'training/lidar/._s.parquet').write_bytes(b'\0\5')
+    assert data.scene_ids == ('s_7',)
+    write_table(
+        tmp_path / 'training/vehicle_pose/s.parquet', {SEGMENT: np.array([], dtype=str), TIME: np.array([], dtype=int)}
+    )
+    with pytest.raises(SceneError, match='vehicle_pose/s.parquet: holds no frame; download it again, or take'):
+        len(WaymoDataset(tmp_path))

@@ -299,6 +299,8 @@ def test_what_cannot_be_done_is_told_before_anything_is_predicted(checkpoint, tm
         list(predict_files(checkpoint, [scan, tmp_path / 'b'], tmp_path / 'out'))
     with pytest.raises(ConfigError, match='no .bin file in'):
         find_scans([tmp_path / 'b'], ['.bin'])
+    (tmp_path / 'b' / '._a.ply').write_bytes(b'\0\5')
+    assert find_scans([tmp_path / 'b'], ['.ply']) == [tmp_path / 'b' / 'a.ply']
     (tmp_path / 'a.obj').touch()
     (tmp_path / 'full' / 'a.ply').mkdir(parents=True)
     for wrong, told in (
@@ -340,3 +342,13 @@ def test_labels_of_the_run_stay_where_there_are_some(checkpoint, tmp_path):
         run(checkpoint, other, tmp_path / 'out', labels=store.root)
     with pytest.raises(SceneError, match='labels for 30 points, but the scan has 29'):
         run(checkpoint, make_scan(tmp_path / 'new' / 'mine.ply', count=29), tmp_path / 'out', labels=store.root)
+
+
+def test_columns_in_large_letters_are_kept_once(checkpoint, tmp_path):
+    """A table of another program: colours under R, G and B are colours, and places are written once."""
+    (tmp_path / 'a.csv').write_text('X;Y;Z;R;G;B\n1,5;2;3;10;20;30\n2,5;2;4;40;50;60\n')
+    path = run(checkpoint, tmp_path / 'a.csv', tmp_path / 'out')
+    columns = read_columns(path)
+    assert list(columns) == ['x', 'y', 'z', 'R', 'G', 'B', 'label', 'confidence']
+    assert columns['x'].tolist() == [1.5, 2.5] and columns['B'].tolist() == [30, 60]
+    np.testing.assert_allclose(read_scan(path).cloud.colors, np.array([[10, 20, 30], [40, 50, 60]]) / 255, atol=1e-6)

@@ -191,6 +191,14 @@ def test_scene_lists(tmp_path):
         read_scene_list(write(tmp_path / 'empty.txt', '\n'))
     with pytest.raises(BudgetError, match='no such list of scenes'):
         read_scene_list(tmp_path / 'none.txt')
+    (tmp_path / 'own.txt').write_bytes('Büro 1.ply\r\nb\r\n'.encode('utf-16'))
+    assert read_scene_list(tmp_path / 'own.txt') == ['Büro 1', 'b']
+
+
+def test_two_lists_for_one_scene_are_told(tmp_path):
+    path = write(tmp_path / 'p.json', '{"a.ply": [1], "scans/a.ply": [2]}')
+    with pytest.raises(BudgetError, match=r"two lists for the scene a \(the second is 'scans/a.ply'\); join them"):
+        read_point_list(path)
 
 
 @pytest.mark.parametrize('index', [5, -1, 10**30])

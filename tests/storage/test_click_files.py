@@ -6,6 +6,7 @@ import pytest
 
 from rm3d_plugin.storage import Click, ClickFileError, DamagedFileError, click_classes, read_clicks, write_clicks
 from rm3d_plugin.storage.click_log_lines import read_click_log
+from rm3d_plugin.structures import SceneError
 
 CLASSES = ('floor', 'wall', '7', 'chair, red')
 HEAD = '{"kind": "clicks", "format": 1}\n'
@@ -95,8 +96,8 @@ def test_files_that_cannot_be_used(tmp_path):
         read_clicks(tmp_path / 'none.csv', CLASSES)
     with pytest.raises(ClickFileError, match='expected a list of objects'):
         read_clicks(write(tmp_path / 'a.json', '{"scene": 1}'), CLASSES)
-    (tmp_path / 'b.csv').write_bytes(b'\xff\xfe\x00scene')
-    with pytest.raises(ClickFileError, match='expected UTF-8'):
+    (tmp_path / 'b.csv').write_bytes(b'scene,index,class\nb\xfcro,1,wall\n')
+    with pytest.raises(SceneError, match=r'b\.csv, line 2: byte 0xfc is no UTF-8; save the file as UTF-8 text'):
         read_clicks(tmp_path / 'b.csv', CLASSES)
 
 
@@ -175,3 +176,24 @@ def test_a_line_that_was_cut_off_does_not_count(tmp_path, cut):
 def test_logs_that_cannot_be_used(tmp_path, text, words):
     with pytest.raises(ClickFileError, match=rf'bad\.jsonl.*{words}'):
         read_clicks(write(tmp_path / 'bad.jsonl', text), CLASSES)
+
+
+@pytest.mark.parametrize(
+    ('text', 'told'),
+    [
+        ('scene,index,class,class\na,1,wall,floor\n', "names two columns 'class'; leave one of them"),
+        ('scene,index,Index,class\na,1,2,wall\n', "names two columns 'index'"),
+        ('scene,index,class\na,1_0,wall\n', "line 2: index: expected a whole number, got '1_0'"),
+        ('scene,x,y,z,class\na,1_0,0,0,wall\n', "line 2: x: expected a number, got '1_0'"),
+    ],
+)
+def test_cells_that_could_mean_two_things_are_told(tmp_path, text, told):
+    with pytest.raises(ClickFileError, match=told):
+        read_clicks(write(tmp_path / 'a.csv', text), CLASSES)
+
+
+def test_clicks_saved_as_unicode_text(tmp_path):
+    """Excel's 'Unicode text': UTF-16 with tabs."""
+    (tmp_path / 'a.csv').write_bytes('scene\tx\ty\tz\tclass\r\nBüro 1\t1,5\t2\t3\t0\r\n'.encode('utf-16'))
+    click = read_clicks(tmp_path / 'a.csv', CLASSES)[0]
+    assert (click.scene, click.xyz, click.semantic) == ('Büro 1', (1.5, 2.0, 3.0), 0)

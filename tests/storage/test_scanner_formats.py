@@ -1,5 +1,7 @@
 """PTS, PTX and E57: several scans in a file, poses, cells without a return."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -42,7 +44,9 @@ def test_pts_without_a_count_and_with_fewer_columns(tmp_path):
         ('3\n1 2 3\n4 5 6\n', '2 points, but 3 are announced; cut off'),
         ('1\n1 2 3\n4 5 6\n', 'line 3: more points than announced'),
         ('2\n1 2 3\n4 five 6\n', "line 3: 'five' is not a number"),
-        ('2\n1 2 3\n# 0\n4 5 6\n', '1 points in lines 2 to 3'),
+        ('\n\n1\n\n1 2 3\n\n4 5 6\n', 'line 7: more points than announced'),
+        ('1\n412,345.67 5,123,456.78 120.5 3\n', "line 2: '412,345.67' seems to have commas between thousands"),
+        ('2\n1 2 3 0 0 1\n4 5 6 0 -1 0\n', 'columns 4 to 6 look like normals, .pts has colours there; save it as .txt'),
         ('1\n1 2 3\n1\n1 2 3 4\n', r'rows of \[3, 4\] numbers'),
         ('1\n1 2 3 4 5\n', r'rows of \[5\] numbers; expected one of \[3, 4, 6, 7\]'),
         ('-1\n1 2 3\n', "line 1: expected how many there are, got '-1'"),
@@ -53,6 +57,21 @@ def test_pts_without_a_count_and_with_fewer_columns(tmp_path):
 def test_bad_pts_is_told(tmp_path, text, told):
     with pytest.raises(SceneError, match=told):
         read_columns(written(tmp_path, 'a.pts', text))
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        '2\n1,5 2,5 3,5\n4 5,25 6\n',
+        '# x y z\n2\n1.5 2.5 3.5\n# end of row 1\n4 5.25 6\n',
+        '//X Y Z\n1.5, 2.5, 3.5\n4, 5.25, 6\n',
+        '2\n1.5;2.5;3.5\n4;5.25;6\n',
+    ],
+)
+def test_pts_of_other_programs(tmp_path, text):
+    """Decimal commas, remarks and separators."""
+    found = read_columns(written(tmp_path, 'a.pts', text))
+    assert [found[axis].tolist() for axis in 'xyz'] == [[1.5, 4], [2.5, 5.25], [3.5, 6]] and len(found) == 3
 
 
 def test_ptx_moves_its_points_and_leaves_out_cells_without_a_return(tmp_path):
@@ -89,6 +108,10 @@ def test_ptx_of_two_scans_has_no_one_sensor(tmp_path):
         (PLAIN + '1 2 3 4\n1 2\n', 'line 12: 2 numbers, expected 4'),
         (PLAIN + '0 0 0 0.5\n' * 2, 'holds no points'),
         ('1e300\n1e300\n' + PLAIN[4:], 'expected how many there are'),
+        (
+            PLAIN.replace('0 0 0\n', 'nan 0 0\n', 1) + '1 2 3 4\n' * 2,
+            "line 3: expected 3 numbers of a header, got 'nan 0 0'",
+        ),
     ],
 )
 def test_bad_ptx_is_told(tmp_path, text, told):
@@ -120,6 +143,30 @@ def test_e57_of_two_scans(tmp_path):
     path.write_bytes(path.read_bytes()[:-300])
     with pytest.raises(SceneError, match=r'a\.e57: not readable as E57 \(.*; copy it again'):
         read_columns(path)
+
+
+def e57_of(path, *scans):
+    """A file of scans: rows by name, and their pose."""
+    pye57 = pytest.importorskip('pye57')
+    file = pye57.E57(str(path), mode='w')
+    for rows, pose in scans:
+        file.write_scan_raw(rows, **pose)
+    file.close()
+    return path
+
+
+def test_e57_whose_scans_differ_or_do_not_turn(tmp_path):
+    rows = {f'cartesian{axis}': np.arange(3.0) for axis in 'XYZ'}
+    colored = rows | {f'color{name}': np.full(3, 255, dtype=np.uint8) for name in ('Red', 'Green', 'Blue')}
+    with pytest.warns(UserWarning, match='red, green, blue: not every scan of the file has them; they are left out'):
+        assert list(read_columns(e57_of(tmp_path / 'a.e57', (colored, {}), (rows, {})))) == ['x', 'y', 'z']
+    flat = {'rotation': np.zeros(4), 'translation': np.zeros(3)}
+    with pytest.raises(SceneError, match='scan 2: rotation 0 0 0 0: expected a quaternion of length 1'):
+        read_columns(e57_of(tmp_path / 'b.e57', (rows, {}), (rows, flat)))
+    name = os.fsdecode(os.fsencode(tmp_path) + b'/b\xfcro.e57')
+    os.rename(tmp_path / 'a.e57', name)
+    with pytest.raises(SceneError, match='pye57 opens no file whose name is no UTF-8; rename it'):
+        read_columns(name)
 
 
 def test_every_ending_has_a_reader():

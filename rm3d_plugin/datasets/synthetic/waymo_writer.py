@@ -28,17 +28,14 @@ from rm3d_plugin.datasets.waymo_format import (
     BOX,
     CALIBRATION,
     CHANNELS,
-    LASER,
     LIDAR,
     PIXEL_POSE,
     POSE,
-    SEGMENT,
     SPLITS,
-    TIME,
     TOP,
     TYPES,
-    parquet,
 )
+from rm3d_plugin.datasets.waymo_tables import LASER, SEGMENT, TIME, parquet
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.storage import write_bytes
 
