@@ -1,5 +1,6 @@
 """Semantic3D's text files, read in pieces: up to 10^8 lines ``x y z intensity r g b``, and ``.labels`` beside them."""
 
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -203,7 +204,7 @@ def _check(table: Float[np.ndarray, 'rows 7'], path: str | Path, before: int) ->
     if len(table) and 0 < table[:, 4:].max() <= 1 and (table[:, 4:] % 1).any():
         raise SceneError(f'{path}: colours from 0 to 1; expected 0 to 255: lines of {COLUMNS}')
     if len(table) and not (table[:, 3].min() >= LEAST and table[:, 3].max() <= GREATEST):
-        raise SceneError(
-            f'{path}: intensities from {table[:, 3].min():g} to {table[:, 3].max():g}, expected {LEAST:g} to '
-            f'{GREATEST:g}; lines of {COLUMNS}'
+        warnings.warn(
+            f'{path}: intensities beyond {LEAST:g} to {GREATEST:g} are taken for these; expected lines of {COLUMNS}',
+            stacklevel=2,
         )

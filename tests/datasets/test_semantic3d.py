@@ -213,7 +213,6 @@ def test_a_second_copy_of_a_station_is_told(tmp_path):
             TEXT.replace('255 0 51', '0.5 0 1').replace('1 2 3', '0 0 1').replace('9 9 9', '0 1 1'),
             'colours from 0 to 1',
         ),
-        (TEXT.replace('2047', '5000'), 'intensities from -2048 to 5000, expected -2048 to 2047'),
         (TEXT.replace('1.5', '1e300'), 'point 3 holds NaN or an infinite number'),
         ("7z\xbc\xaf'\x1c\n", 'is a 7z archive, not .txt; unpack it first'),
     ],
@@ -222,6 +221,15 @@ def test_values_of_another_kind_are_told(tmp_path, text, told):
     write(tmp_path).write_bytes(text.encode('latin-1'))
     with pytest.raises(SceneError, match=told):
         one(tmp_path).load_cloud(0)
+
+
+def test_intensities_of_another_scanner_are_cut_aloud(tmp_path):
+    write(tmp_path)
+    as_is = one(tmp_path).load_cloud(0).intensity
+    write(tmp_path, text=TEXT.replace('2047', '5000'))
+    with pytest.warns(UserWarning, match=r'rgb.txt: intensities beyond -2048 to 2047 are taken for these'):
+        cloud = one(tmp_path).load_cloud(0)
+    np.testing.assert_array_equal(cloud.intensity, as_is)
 
 
 def test_marks_before_text_and_labels(tmp_path):
