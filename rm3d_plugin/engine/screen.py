@@ -2,7 +2,8 @@
 
 import logging
 import re
-from typing import Any
+import time
+from typing import Any, ClassVar
 
 from mmengine.logging import MMLogger
 from mmengine.runner import Runner
@@ -29,8 +30,20 @@ def belongs_on_screen(record: logging.LogRecord) -> bool:
     return step[2] == step[3] if step else not text.startswith(LEFT_OUT)
 
 
+MOMENT = '%Y%m%d_%H%M%S'  # as mmengine names runs
+
+
 class QuietRunner(Runner):
     """mmengine's runner, which writes all to the log file and :func:`belongs_on_screen` to the screen."""
+
+    _latest: ClassVar[float] = 0.0  # seconds, when a run of this process began
+
+    def setup_env(self, env_cfg: dict[str, Any]) -> None:
+        """Name the run by when it began, a second after the one before at least: runs of one name share a log."""
+        super().setup_env(env_cfg)
+        began = time.mktime(time.strptime(self.timestamp, MOMENT))
+        QuietRunner._latest = max(began, QuietRunner._latest + 1)
+        self._timestamp = time.strftime(MOMENT, time.localtime(QuietRunner._latest))
 
     def build_logger(self, *args: Any, **kwargs: Any) -> MMLogger:
         """The logger of the run."""

@@ -1,6 +1,8 @@
 """What a run shows, and what it keeps for the log file."""
 
 import logging
+import shutil
+import time
 from typing import ClassVar
 
 import pytest
@@ -90,6 +92,22 @@ def test_tensorboard_and_a_backend_of_ones_own_see_every_loss(tmp_path):
     read.Reload()
     assert [event.step for event in read.Scalars('loss')] == [2, 4, 5, 7, 9, 10]
     assert {step for name, step in KeptNumbers.seen if name == 'loss'} == {2, 4, 5, 7, 9, 10}
+
+
+def test_runs_of_one_second_and_one_name_keep_apart(tmp_path, monkeypatch):
+    monkeypatch.setattr(QuietRunner, '_latest', time.time() + 1000)  # as if each began before its second was over
+    folders = [tmp_path / number / 'corner' for number in ('1', '2', '3')]
+    for folder in folders:
+        run_line(folder)
+        shutil.rmtree(folder.parent) if folder == folders[1] else None  # what follows writes nothing there
+    moments = [time.mktime(time.strptime(path.name, '%Y%m%d_%H%M%S')) for path in map(made_in, folders[::2])]
+    assert moments[1] == moments[0] + 2 and not folders[1].exists()
+    assert all(len(list(made_in(folder).glob('*.log'))) == 1 for folder in folders[::2])
+
+
+def made_in(folder):
+    (found,) = (path for path in folder.iterdir() if path.is_dir() and (path / 'vis_data').is_dir())
+    return found
 
 
 def test_a_run_shows_a_line_an_epoch_with_the_time_left_and_logs_the_rest(tmp_path, capsys):
