@@ -28,9 +28,14 @@ def test_the_items_asked_for_longest_ago_are_forgotten():
     assert len(items) == 2 and ask('a') is first
     ask('b')
     assert made == ['a', 'b', 'c', 'b']
-    ask('huge', 2000)  # has no room, and leaves that of the others alone
-    assert len(items) == 2 and ask('huge', 2000).nbytes == 2000 * 1024 and made[-2:] == ['huge', 'huge']
-    assert ask('b').nbytes == 400 * 1024 and made[-1] == 'huge'
+    huge = ask('huge', 2000)  # has no room, and leaves that of the others alone
+    assert len(items) == 3 and ask('huge', 2000) is huge and made.count('huge') == 1
+    ask('b')
+    assert ask('huge', 2000) is huge and made[-1] == 'huge'  # what is in memory takes no room
+    ask('larger', 3000)
+    assert len(items) == 3 and ask('huge', 2000) is not huge and made[-2:] == ['larger', 'huge']
+    items.clear()
+    assert len(items) == 0
 
 
 def test_what_is_kept_does_not_travel():
