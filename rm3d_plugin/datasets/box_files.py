@@ -123,7 +123,7 @@ class BoxFilesDataset(BoxDataset):
         """The scans alone."""
         if self._scans is None:
             folder, names = self.layout.scans, self.layout.names
-            files = None if names is None else [_scan_of(folder, name) for name in names]
+            files = None if names is None else _scans_of(folder, names)
             self._scans = FilesDataset(folder, self._split, files=files, **self._reading)
         return self._scans
 
@@ -157,9 +157,9 @@ class BoxFilesDataset(BoxDataset):
     def box_format(self) -> str:
         """Format of the boxes, told from all files at first use."""
         if self._box_format is None:
-            auto = self._given_format == 'auto'
-            told = labelcloud_format(self.layout.boxes)
-            self._box_format = find_format(self.box_files(), told) if auto else self._given_format
+            self._box_format = self._given_format
+            if self._given_format == 'auto':
+                self._box_format = find_format(self.box_files(), labelcloud_format(self.layout.boxes))
         return self._box_format
 
     def find_classes(self) -> tuple[str, ...]:
@@ -299,17 +299,32 @@ def _of_scans(paths: list[Path], has_scan: list[bool], folder: Path, scans: Path
     return found
 
 
-def _scan_of(folder: Path, name: str) -> str:
-    """The file of a listed name, relative to the folder."""
-    if Path(name).suffix.lower() in ENDINGS:
-        return name
-    there = (folder / name).parent.iterdir() if (folder / name).parent.is_dir() else ()
-    found = sorted(path.name for path in there if path.suffix.lower() in ENDINGS and path.stem == Path(name).name)
-    if not found:
-        raise SceneError(f'{folder}: there is no scan {name} ({" ".join(ENDINGS)}), but the list names it')
-    if len(found) > 1:
-        raise SceneError(f'{folder}: the list names {name}, which may be {" or ".join(found)}; give it its ending')
-    return str(Path(name).parent / found[0])
+def _scans_of(folder: Path, names: Sequence[str]) -> list[str]:
+    """The files of listed names, relative to the folder; each folder of theirs is looked through once."""
+    there: dict[Path, dict[str, list[str]]] = {}
+    found = []
+    for name in names:
+        path = folder / name
+        if path.suffix.lower() in ENDINGS:
+            found.append(name)
+            continue
+        if path.parent not in there:
+            there[path.parent] = _scans_by_stem(path.parent)
+        files = there[path.parent].get(path.name, [])
+        if not files:
+            raise SceneError(f'{folder}: there is no scan {name} ({" ".join(ENDINGS)}), but the list names it')
+        if len(files) > 1:
+            raise SceneError(f'{folder}: the list names {name}, which may be {" or ".join(files)}; give it its ending')
+        found.append(str(Path(name).parent / files[0]))
+    return found
+
+
+def _scans_by_stem(folder: Path) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for path in sorted(folder.iterdir() if folder.is_dir() else ()):
+        if path.suffix.lower() in ENDINGS:
+            found.setdefault(path.stem, []).append(path.name)
+    return found
 
 
 def _not_found(root: Path, what: str) -> DatasetNotFoundError:

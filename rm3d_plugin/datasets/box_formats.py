@@ -252,13 +252,14 @@ def find_format(paths: Sequence[Path], told: str | None = None) -> str:
 
     Args:
         paths: The files; empty ones tell nothing.
-        told: What labelCloud's own ``_classes.json`` says: of effect where degrees and radians cannot be told apart.
+        told: What labelCloud's own ``_classes.json`` says.
 
     Returns:
         A key of :data:`BOX_FORMATS`; 'openpcdet' where no file holds a box.
 
     Raises:
-        BoxFileError: A file is of no known kind, the files are of several, or degrees and radians cannot be told apart.
+        BoxFileError: A file is of no known kind, the files are of several, or degrees and radians cannot be told apart,
+            or look like the other of what ``told`` says.
     """
     kinds: dict[str, Path] = {}
     angles: list[float] = []
@@ -291,12 +292,19 @@ def labelcloud_format(folder: Path) -> str | None:
 
 def _unit_of(angles: Sequence[float], folder: Path, told: str | None) -> str:
     turned = [angle for angle in angles if angle != 0]
-    if any(angle < 0 for angle in turned):
-        return 'rel'
-    if turned and max(turned) > np.pi + 1e-6:
-        return 'abs'
+    large = bool(turned) and max(map(abs, turned)) > np.pi + 1e-6
+    seen = 'abs' if large else 'rel' if any(angle < 0 for angle in turned) else None
     if told in ('centroid_rel', 'centroid_abs'):
-        return told.removeprefix('centroid_')
+        unit = told.removeprefix('centroid_')
+        if seen not in (None, unit):
+            look = 'degrees' if seen == 'abs' else 'radians'
+            raise BoxFileError(
+                f'{folder / LABELCLOUD_CLASSES}: format {told}, but the rotations look like {look}; pass '
+                "box_format='labelcloud_rel' (radians) or 'labelcloud_abs' (degrees)"
+            )
+        return unit
+    if seen is not None:
+        return seen
     if not turned:
         return 'rel'
     raise BoxFileError(

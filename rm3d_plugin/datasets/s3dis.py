@@ -87,7 +87,9 @@ class S3DISDataset(SegmentationDataset):
         if not rooms:
             areas = ', '.join(f'Area_{area}' for area in self.areas)
             source = 'Ask for it at http://buildingparser.stanford.edu/dataset.html'
-            raise not_found('S3DIS', self.data_root, f'there is no room in {areas}', source, _LAYOUT, 'Area_*')
+            raise not_found(
+                'S3DIS', self.data_root, f'there is no room in {areas}', source, _LAYOUT, 'Area_*/*/Annotations'
+            )
         if missing := [f'Area_{area}' for area in self.areas if not any(found == area for found, _ in folders)]:
             warnings.warn(f'{self.data_root}: no rooms in {", ".join(missing)}; they are left out', stacklevel=2)
         if empty := [folder for _, folder in folders if not _is_room(folder)]:

@@ -107,7 +107,9 @@ class ScanNetDataset(SegmentationDataset):
         return scans
 
     def _not_found(self, what: str) -> DatasetNotFoundError:
-        return not_found('ScanNet', self.data_root, what, 'Ask for it at http://www.scan-net.org', _LAYOUT, 'scans')
+        return not_found(
+            'ScanNet', self.data_root, what, 'Ask for it at http://www.scan-net.org', _LAYOUT, 'scans/scene*'
+        )
 
     def file(self, index: int, ending: str) -> Path:
         """A file of a scan: ``file(0, '_vh_clean_2.ply')``, say."""

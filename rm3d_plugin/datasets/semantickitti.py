@@ -69,7 +69,7 @@ class SemanticKittiDataset(SegmentationDataset):
         check_choice('split', split, get_args(Split))
         super().__init__(split, classes=classes, **common)
         check_classes('SemanticKITTI', self.classes, len(CLASSES))
-        if every < 1 or every != int(every):
+        if not (1 <= every < float('inf') and every == int(every)):
             raise ValueError(f'every: expected a whole number from 1, got {every}')
         self.data_root = Path(data_root)
         self.sequences = None if sequences is None else _numbers(sequences)
@@ -165,11 +165,12 @@ def _numbers(sequences: Sequence[int | str]) -> tuple[int, ...]:
     """Numbers of sequences, which may be written as their folders are: ``'00'``.
 
     Raises:
-        ValueError: One is no number, or comes twice.
+        ValueError: There is none, one is no number, or comes twice.
     """
-    if isinstance(sequences, str) or not all(str(number).isdecimal() for number in sequences):
+    given = tuple(sequences)
+    if isinstance(sequences, str) or not given or not all(str(number).isdecimal() for number in given):
         raise ValueError(f'sequences: expected a list of numbers, [0, 8], say, got {sequences!r}')
-    numbers = tuple(int(number) for number in sequences)
+    numbers = tuple(int(number) for number in given)
     if len(set(numbers)) != len(numbers):
         raise ValueError(f'sequences: name each once, got {list(numbers)}')
     return numbers

@@ -98,10 +98,10 @@ class ScanKnowledge:
         Args:
             shares: Probabilities of points without a label, as sharp as :attr:`sharpness` makes them, of each scan.
         """
-        there = np.flatnonzero(self.checked.found > 0)
+        counts = np.bincount(self.checked.classes, minlength=self._classes)
+        there = np.flatnonzero((self.checked.found > 0) | (counts > 0))
         as_left_out = calibrated(np.concatenate(list(shares))[:, there], 1.0 / self.sharpness)
-        kept = np.isin(self.checked.classes, there)
-        left, classes = self.checked.shares[kept][:, there], np.searchsorted(there, self.checked.classes[kept])
+        left, classes = self.checked.shares[:, there], np.searchsorted(there, self.checked.classes)
         return estimate_miou(as_left_out, left, classes, self._rules.draws, np.random.default_rng(self._seed))
 
     @cached_property

@@ -126,8 +126,10 @@ class _Lines:
         kept = self.ends - self.starts > _SHORT
         for line in np.flatnonzero(~kept):
             kept[line] = bool(self.text[self.starts[line] : self.ends[line]].strip())
-        first = np.frombuffer(self.text, dtype=np.uint8)[self.starts]
-        kept &= (first != ord('#')) & (first != ord('/'))
+        marks = np.flatnonzero(np.isin(np.frombuffer(self.text, dtype=np.uint8), [ord('#'), ord('/')]))
+        for line in np.unique(np.searchsorted(self.ends, marks)):
+            remark = self.text[self.starts[line] : self.ends[line]].lstrip().startswith((b'#', b'//'))
+            kept[line] &= not remark
         self.starts, self.ends = self.starts[kept], self.ends[kept]
 
     def __len__(self) -> int:
@@ -143,16 +145,15 @@ class _Lines:
 
     def numbers(self, line: int, count: int) -> Float[np.ndarray, ' numbers']:
         """The numbers of a header line."""
-        words = self.words(line)
+        where = f'{self.path}, line {self.line_number(line)}'
+        words = without_decimal_commas(b' '.join(self.words(line)) + b'\n', where).split()
         try:
             numbers = np.array([float(word) for word in words])
             if len(words) == count and np.isfinite(numbers).all():
                 return numbers
         except ValueError:
             pass
-        raise SceneError(
-            f'{self.path}, line {self.line_number(line)}: expected {count} numbers of a header, got {self._shown(line)}'
-        )
+        raise SceneError(f'{where}: expected {count} numbers of a header, got {self._shown(line)}')
 
     def whole(self, line: int, least: int) -> int:
         """The one whole number of a header line."""

@@ -12,8 +12,8 @@ class RecentItems(Generic[Item]):
     """Items by key; the ones asked for longest ago are forgotten.
 
     Args:
-        megabytes: Room for all items together; one that is larger than that is kept beside them until another is asked
-            for. Larger: more memory, less reading.
+        megabytes: Room for all items together; one that is larger than that is kept beside them until another is made.
+            Larger: more memory, less reading.
         nbytes: Size of an item.
     """
 

@@ -151,7 +151,10 @@ def test_what_labelcloud_says_of_its_files(tmp_path):
         assert find_format([path], labelcloud_format(tmp_path)) == kind
     with pytest.raises(BoxFileError, match='may be radians or degrees'):
         find_format([path])
-    assert find_format([centroid(path, 90)], 'centroid_rel') == 'labelcloud_abs'
+    for turn, says, looks in ((90, 'centroid_rel', 'degrees'), (-3, 'centroid_abs', 'radians')):
+        with pytest.raises(BoxFileError, match=f'_classes.json: format {says}, but the rotations look like {looks}'):
+            find_format([centroid(path, turn)], says)
+    assert find_format([centroid(path, 90)]) == 'labelcloud_abs'
     kitti = BOX_FORMATS['kitti'].write(tmp_path / 'a.txt', BOXES, 'a.ply', CALIB)
     with pytest.raises(BoxFileError, match='labelCloud saved these boxes as kitti_untransformed'):
         find_format([kitti], 'kitti_untransformed')

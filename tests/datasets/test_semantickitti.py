@@ -240,6 +240,11 @@ def test_labels_without_a_scan_are_told(world):
 
 def test_sequences_may_be_written_as_their_folders(world):
     assert len(SemanticKittiDataset(world, sequences=['00'])) == 5
+    assert len(SemanticKittiDataset(world, sequences=(number for number in (0,)))) == 5
+    with pytest.raises(ValueError, match='every: expected a whole number from 1, got inf'):
+        one(world, every=float('inf'))
+    with pytest.raises(ValueError, match='sequences: expected a list of numbers'):
+        SemanticKittiDataset(world, sequences=[])
     for wrong in ('00', ['a'], [1.5]):
         with pytest.raises(ValueError, match=r'sequences: expected a list of numbers, \[0, 8\], say, got'):
             SemanticKittiDataset(world, sequences=wrong)

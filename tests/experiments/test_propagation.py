@@ -108,7 +108,7 @@ def test_a_row_a_scan_and_their_mean(tmp_path, monkeypatch):
         for name in ('Oakland a', 'Oakland b', 'mean')
     ]
     rows = [line for line in lines[4:] if line.startswith('|')][:10]
-    assert rows[0] == '| method | network alone | labels, the rest by the network | labels, the rest as the nearest |'
+    assert rows[0] == '| method | network alone | labels, the rest as the run says | labels, the rest as the nearest |'
     assert rows[2:5] == [
         '| nearest labelled point | - | - | 10.0 |',
         '| plain random walker | - | - | 12.0 |',

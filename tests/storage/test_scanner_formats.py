@@ -171,3 +171,15 @@ def test_e57_whose_scans_differ_or_do_not_turn(tmp_path):
 
 def test_every_ending_has_a_reader():
     assert set(columns._readers()) == set(columns.ENDINGS)
+
+
+def test_headers_of_ptx_with_decimal_commas_and_remarks_behind_blanks(tmp_path):
+    rows = '1 0 0 0.25\n0 2 1 1\n' * 2
+    text = TURNED.replace('10 20 3', '10.5 20.25 3.5') + rows
+    plain = read_columns(written(tmp_path, 'a.ptx', text))
+    commas = '  # exported\n\t// twice\n' + text.replace('.', ',')
+    other = read_columns(written(tmp_path, 'b.ptx', commas))
+    for name, values in plain.items():
+        np.testing.assert_array_equal(other[name], values)
+    with pytest.raises(SceneError, match='c.pts'):
+        read_columns(written(tmp_path, 'c.pts', '/ 1\n1\n1 2 3\n'))  # one stroke is no remark

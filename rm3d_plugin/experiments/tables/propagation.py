@@ -74,7 +74,7 @@ class PropagationScores:
         first: RM3D before training: labels of round 0, points without one are wrong.
         first_filled: The same labels, the other points as the nearest that has one.
         network: Network trained by RM3D.
-        rm3d: RM3D: points with a label in the last round have it, the network says what the others are.
+        rm3d: RM3D: points with a label in the last round have it, the others what it finds likeliest.
         rm3d_filled: The same labels, and the others as the nearest point that has one.
     """
 
@@ -105,7 +105,7 @@ COLUMNS = {
     'first': "RM3D's labels of round 0, the rest wrong",
     'first_filled': "RM3D's labels of round 0, the rest as the nearest",
     'network': "RM3D's network",
-    'rm3d': "RM3D's labels, the rest by its network",
+    'rm3d': "RM3D's labels, the rest as it finds likeliest",
     'rm3d_filled': "RM3D's labels, the rest as the nearest",
 }
 
@@ -311,5 +311,5 @@ def method_section(means: Mapping[str, float]) -> Section:
         NamedRow(name, tuple(Cell('-') if key is None else Cell(f'{means[key]:.1f}', (means[key],)) for key in keys))
         for name, keys in METHODS.items()
     )
-    heads = ('network alone', 'labels, the rest by the network', 'labels, the rest as the nearest')
+    heads = ('network alone', 'labels, the rest as the run says', 'labels, the rest as the nearest')
     return Section('Mean of the scans', ('method', *heads), rows)

@@ -163,7 +163,8 @@ def miou_draws(
         generator: Of the draws.
     """
     weights = generator.exponential(size=(draws, gains.shape[1]))
-    likeliest, as_claimed = (weights @ gains.T).argmax(axis=1), np.abs(weights @ excess.T).argmin(axis=1)
+    likeliest = (weights @ gains.T).argmax(axis=1)
+    as_claimed = np.abs(weights @ excess.T).argmin(axis=1) if excess.any() else likeliest
     centre = ((expected[likeliest] + expected[as_claimed]) / 2).clip(0.01, 0.99)
     worth = LABELS_WORTH * (counts + 1)
     return np.asarray(generator.beta(centre * worth, (1.0 - centre) * worth).mean(axis=1))

@@ -37,3 +37,8 @@ def test_a_class_with_one_label_is_known_from_other_scans():
     assert (checked.shares.argmax(axis=1) == checked.classes).sum() >= 2
     both = joined([checked, checked])
     assert len(both.classes) == 6 and np.array_equal(both.found, 2 * checked.found)
+
+
+def test_without_a_labelled_class_among_the_answers_the_usual_power_holds():
+    left = CheckedLabels(np.eye(2)[[0, 0, 0]], np.array([1, 1, 1]), np.array([9.0, 0.0]))
+    assert sharpness_of(left) == 2.0
