@@ -1,6 +1,7 @@
-# The paper's own descriptor: a sparse U-Net and the triplet loss. contrast = 'pair' is L_C, 'hardest' that of FCGF.
+# The paper's own descriptor: a sparse U-Net that learns from pairs of crops. Its losses: contrast = 'triplet' (L_TriC),
+# 'pair' (L_C); 'hardest' is that of FCGF, 'nce' PointInfoNCE.
 _base_ = './pairs.py'
-contrast = 'triplet'
+contrast = 'nce'
 num_pairs = 1024  # places of a batch that are compared
 negative_distance = 16.0  # voxels, about 1 m in a room; METHOD 3
 model = dict(

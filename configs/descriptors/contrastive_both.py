@@ -7,5 +7,5 @@ data = 'both'
 streets_root = 'data/semantickitti'
 negative_distance = 5.0  # voxels, 0.25 m of a room: a match is right within 0.1 m; 16 as METHOD 3 has it
 streets = dict(root='data/descriptor_streets', scenes='semantickitti_streets', num_train=20, num_val=4, seed=0)
-demo = dict(streets_root='data/descriptor_streets', more_demo_data=[streets], sigma=5, learning_rate=3e-3)
+demo = dict(streets_root='data/descriptor_streets', more_demo_data=[streets], sigma=20, learning_rate=3e-3)
 del streets

@@ -6,5 +6,5 @@ _base_ = '../_base_/predator.py'
 data = 'both'
 streets_root = 'data/semantickitti'
 streets = dict(root='data/descriptor_streets', scenes='semantickitti_streets', num_train=20, num_val=4, seed=0)
-demo = dict(streets_root='data/descriptor_streets', more_demo_data=[streets], sigma=2)
+demo = dict(streets_root='data/descriptor_streets', more_demo_data=[streets], sigma=6)
 del streets

@@ -58,6 +58,6 @@ def test_a_demo_touches_data_sizes_and_epochs_alone(path, tmp_path):
 def test_the_paper_and_other_contrasts_are_options(path, tmp_path):
     config = load_config(path, tmp_path)
     if 'contrast' in config:
-        assert config.contrast == 'triplet' and config.model.losses[0].contrast == 'triplet'
-        other = load_config(path, tmp_path, options={'contrast': 'hardest'})
-        assert other.model.losses[0].contrast == 'hardest'
+        assert config.contrast == 'nce' and config.model.losses[0].contrast == 'nce'
+        other = load_config(path, tmp_path, options={'contrast': 'triplet'})
+        assert other.model.losses[0].contrast == 'triplet'

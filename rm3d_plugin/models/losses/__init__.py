@@ -9,7 +9,12 @@ from rm3d_plugin.models.losses.box_overlap import BoxOverlap, overlap_loss
 from rm3d_plugin.models.losses.circle import balanced_bce, circle_loss
 from rm3d_plugin.models.losses.class_prototypes import ClassPrototypes, even_assignment, prototype_loss
 from rm3d_plugin.models.losses.contrastive import contrastive_loss
-from rm3d_plugin.models.losses.descriptor_contrast import hardest_contrastive_loss, pair_loss, triplet_loss
+from rm3d_plugin.models.losses.descriptor_contrast import (
+    hardest_contrastive_loss,
+    info_nce_loss,
+    pair_loss,
+    triplet_loss,
+)
 from rm3d_plugin.models.losses.dice_loss import DiceLoss, dice_loss
 from rm3d_plugin.models.losses.divergences import (
     CONVENTIONS,
@@ -73,6 +78,7 @@ __all__ = [
     'graph_contrast_loss',
     'even_assignment',
     'hardest_contrastive_loss',
+    'info_nce_loss',
     'js_aug_loss',
     'js_divergence',
     'labels_of_rows',

@@ -29,7 +29,10 @@ def contrastive_loss(
     >>> contrastive_loss(rows, rows, rows, temperature=1.0, excluded=own).round(decimals=4)
     tensor([0.3133, 0.3133])
     """
-    anchors, positives, negatives = (F.normalize(rows.float(), dim=1) for rows in (anchors, positives, negatives))
+    anchors, positives, negatives = (
+        F.normalize(rows.to(torch.promote_types(rows.dtype, torch.float32)), dim=1)
+        for rows in (anchors, positives, negatives)
+    )
     alike = (anchors * positives).sum(dim=1, keepdim=True)
     apart = anchors @ negatives.T
     if excluded is not None:

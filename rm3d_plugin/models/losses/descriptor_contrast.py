@@ -4,6 +4,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from rm3d_plugin.models.losses.contrastive import contrastive_loss
+
 _TINY = 1e-12  # under a root, whose slope would be infinite at 0
 
 
@@ -112,6 +114,25 @@ def hardest_contrastive_loss(
     for nearest in (nearest_apart(gaps, apart), nearest_apart(gaps.T, apart.T)):
         pushes.append(_mean_where((negative_margin - nearest).clamp_min(0.0).square(), nearest.isfinite()))
     return pull.sum() / max(len(pull), 1) + torch.stack(pushes).mean()
+
+
+def info_nce_loss(
+    anchors: Float[Tensor, 'pairs channels'],
+    positives: Float[Tensor, 'pairs channels'],
+    apart: Bool[Tensor, 'pairs pairs'],
+    temperature: float = 0.1,
+) -> Float[Tensor, '']:
+    """PointInfoNCE (Xie et al., PointContrast, ECCV 2020); negatives lie apart; the mean of both directions.
+
+    Args:
+        anchors: As for :func:`triplet_loss`, as the next two.
+        positives: See there.
+        apart: See there; symmetric.
+        temperature: Smaller: near negatives count more.
+    """
+    there = contrastive_loss(anchors, positives, positives, temperature, ~apart)
+    back = contrastive_loss(positives, anchors, anchors, temperature, ~apart.T)
+    return (there.sum() + back.sum()) / max(2 * len(anchors), 1)
 
 
 def _mean_where(values: Float[Tensor, ' rows'], known: Bool[Tensor, ' rows']) -> Float[Tensor, '']:

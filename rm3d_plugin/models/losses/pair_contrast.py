@@ -12,6 +12,7 @@ from rm3d_plugin.models.consistency import View, common_rows
 from rm3d_plugin.models.losses.descriptor_contrast import (
     distances,
     hardest_contrastive_loss,
+    info_nce_loss,
     nearest_apart,
     pair_loss,
     place_distances,
@@ -20,11 +21,12 @@ from rm3d_plugin.models.losses.descriptor_contrast import (
 from rm3d_plugin.models.losses.loss_term import LossTerm
 from rm3d_plugin.registry import MODELS
 
-Contrast = Literal['triplet', 'pair', 'hardest']
+Contrast = Literal['triplet', 'pair', 'hardest', 'nce']
 CONTRASTS: dict[Contrast, Callable[[Tensor, Tensor, Tensor], Tensor]] = {
     'triplet': triplet_loss,
     'pair': pair_loss,
     'hardest': hardest_contrastive_loss,
+    'nce': info_nce_loss,
 }
 
 
@@ -68,7 +70,8 @@ class PairContrast(LossTerm):
     places apart.
 
     Args:
-        contrast: 'triplet' (L_TriC, the paper's choice), 'pair' (L_C) or 'hardest' (that of FCGF).
+        contrast: 'triplet' (L_TriC, the paper's choice), 'pair' (L_C), 'hardest' (that of FCGF) or 'nce'
+            (PointInfoNCE).
         num_pairs: Places of a batch. Larger: harder negatives, memory with its square.
         negative_distance: Places at least so far apart are negatives, in voxels: 16 are about the 1 m of METHOD 3 in a
             room. A positive is a copy of the same point.

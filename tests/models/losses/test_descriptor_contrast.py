@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from rm3d_plugin.models.batch import Batch
 from rm3d_plugin.models.consistency import View
-from rm3d_plugin.models.losses import PairContrast, hardest_contrastive_loss, pair_loss, triplet_loss
+from rm3d_plugin.models.losses import PairContrast, hardest_contrastive_loss, info_nce_loss, pair_loss, triplet_loss
 from rm3d_plugin.models.losses.pair_contrast import matched_share, sample_pairs
 
 # Three places on a line; the first two are neighbours, the third lies apart from both.
@@ -38,7 +38,20 @@ def test_hardest_contrastive_by_hand_and_its_two_forms():
     assert wider - push == pytest.approx(0.04, abs=1e-9), 'the squared distance less the margin, not squared again'
 
 
-@pytest.mark.parametrize('loss', [triplet_loss, pair_loss, hardest_contrastive_loss])
+def test_info_nce_by_hand():
+    # Cosines: of the first place with its positive .8, with the others .6 and 0; the third lies apart from both.
+    first = torch.tensor([[1.0, 0.0], [0.0, 2.0], [0.6, 0.8]], dtype=torch.float64)
+    second = torch.tensor([[0.8, 0.6], [0.6, 0.8], [0.0, 1.0]], dtype=torch.float64)
+    cosines = (first / first.norm(dim=1, keepdim=True)) @ second.T
+    costs = []
+    for table in (cosines.numpy(), cosines.T.numpy()):
+        for row, column in ((0, [2]), (1, [2]), (2, [0, 1])):
+            own, others = np.exp(table[row, row] / 0.5), np.exp(table[row, column] / 0.5).sum()
+            costs.append(-np.log(own / (own + others)))
+    assert info_nce_loss(first, second, APART, 0.5).item() == pytest.approx(np.mean(costs), abs=1e-6)
+
+
+@pytest.mark.parametrize('loss', [triplet_loss, pair_loss, hardest_contrastive_loss, info_nce_loss])
 def test_gradients_and_nothing_apart(loss):
     generator = torch.Generator().manual_seed(0)
     first, second = (torch.randn(5, 3, dtype=torch.float64, generator=generator).requires_grad_() for _ in range(2))
@@ -89,7 +102,7 @@ def test_matched_share_by_hand():
     assert matched_share(anchors, torch.tensor([[0.1], [1.9], [1.1]]), apart).item() == pytest.approx(1 / 3)
 
 
-@pytest.mark.parametrize('contrast', ['triplet', 'pair', 'hardest'])
+@pytest.mark.parametrize('contrast', ['triplet', 'pair', 'hardest', 'nce'])
 def test_the_term_compares_copies(contrast):
     class Said:
         features = torch.eye(4)
@@ -104,5 +117,5 @@ def test_the_term_compares_copies(contrast):
 
 
 def test_an_unknown_contrast_is_refused():
-    with pytest.raises(ValueError, match='triplet, pair, hardest'):
-        PairContrast('nce')
+    with pytest.raises(ValueError, match='triplet, pair, hardest, nce'):
+        PairContrast('soft')
