@@ -9,6 +9,7 @@ import pytest
 from runs import tiny_runs
 
 from rm3d_plugin.commands.bench import main
+from rm3d_plugin.user_error import ConfigError
 
 
 def _bench(folder, arguments):
@@ -61,6 +62,16 @@ def test_prepare_measures_each_size_in_its_own_process(tmp_path):
     assert [scene['points'] for scene in result['scenes']] == [1500, 3000]
     assert all(scene['peak_rss_gib'] > 0.1 and scene['regions'] > 1 for scene in result['scenes'])
     assert isinstance(result['exponent'], float)
+
+
+def test_descriptors_each_in_its_own_process(tmp_path):
+    result = bench(tmp_path, 'describe', '--points', '3000', '--descriptors', 'FPFH', 'SupervisedSuperpoint')
+    assert {name: found['values'] for name, found in result['descriptors'].items()} == {
+        'FPFH': 33, 'SupervisedSuperpoint': 4
+    }  # fmt: skip
+    assert all(0.1 < found['peak_rss_gib'] < 4 and found['described'] > 0.3 for found in result['descriptors'].values())
+    with pytest.raises(ConfigError, match='--descriptors: expected some of .*; got SHOUT'):
+        main(['describe', '--points', '100', '--descriptors', 'SHOUT'])
 
 
 @pytest.mark.slow

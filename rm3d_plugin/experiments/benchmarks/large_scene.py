@@ -2,10 +2,6 @@
 
 import argparse
 import csv
-import json
-import os
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -16,7 +12,7 @@ from mmengine.runner import Runner
 
 from rm3d_plugin.engine.hooks.run_record_hook import read_record
 from rm3d_plugin.engine.round_times import Stopwatch
-from rm3d_plugin.experiments.benchmarks.measure import forget_peak, machine, memory_mb
+from rm3d_plugin.experiments.benchmarks.measure import forget_peak, in_own_process, machine, memory_mb
 from rm3d_plugin.registry import HOOKS
 from rm3d_plugin.storage import LabelStore, read_json, write_json
 from rm3d_plugin.storage.ply import write_ply
@@ -24,7 +20,6 @@ from rm3d_plugin.storage.ply import write_ply
 NAME = 'large-scene'
 HELP = 'labels of round 0, steps of a crop, a refresh and a prediction of one scan in UTM coordinates without colour'
 CONFIG = 'rm3d_plugin::rm3d_sem_files_streets_clicks.py'
-CHILD = f'import json, sys; from {__name__} import one; print(json.dumps(one(*map(int, sys.argv[1:]))))'
 UTM = (448_263.4, 5_411_932.7, 312.9)  # m
 CLASSES = ('ground', 'wall', 'roof')
 BLOCK, HOUSE, HEIGHT = 20.0, 8.0, 6.0  # m: of ground, of the house in its middle
@@ -41,10 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Train in a process of its own."""
-    environment = {**os.environ, 'NUMBA_NUM_THREADS': str(args.threads), 'PYTHONPATH': os.pathsep.join(sys.path)}
-    command = [sys.executable, '-c', CHILD, *map(str, (args.points, args.crop, args.steps, args.threads))]
-    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
-    return {**json.loads(done.splitlines()[-1]), 'threads': args.threads, 'machine': machine()}
+    answer = in_own_process(__name__, 'one', args.threads, [args.points, args.crop, args.steps, args.threads])
+    return {**answer, 'threads': args.threads, 'machine': machine()}
 
 
 def make_scan(points: int) -> tuple[np.ndarray, np.ndarray]:

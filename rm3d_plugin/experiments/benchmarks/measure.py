@@ -1,10 +1,13 @@
 """What every benchmark needs: interleaved medians, the rate of matrix products, the facts of the machine."""
 
+import json
 import os
 import platform
 import statistics
+import subprocess
+import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -63,6 +66,24 @@ def matrix_product(side: int = 768) -> tuple[Callable[[], object], float]:
     """A square float32 product and its floating-point operations: the rate that the machine can reach."""
     left, right = torch.rand(side, side), torch.rand(side, side)
     return lambda: left @ right, 2.0 * side**3
+
+
+def in_own_process(module: str, function: str, threads: int, arguments: Sequence[object]) -> dict[str, Any]:
+    """What a function says in a fresh process, whose peak of memory is its own.
+
+    Args:
+        module: Where it is.
+        function: Takes the arguments, gives what JSON holds.
+        threads: Of torch and of our kernels.
+        arguments: What JSON holds.
+    """
+    text = f'import json, sys, torch; from {module} import {function}; torch.set_num_threads({threads}); '
+    text += f'print(json.dumps({function}(*json.loads(sys.argv[1]))))'
+    environment = {**os.environ, 'NUMBA_NUM_THREADS': str(threads), 'PYTHONPATH': os.pathsep.join(sys.path)}
+    command = [sys.executable, '-c', text, json.dumps(list(arguments))]
+    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
+    answer: dict[str, Any] = json.loads(done.splitlines()[-1])
+    return answer
 
 
 def forget_peak() -> None:

@@ -1,22 +1,17 @@
 """The whole geometry path of a scene (normals, adapted PFH, regions, graph): seconds, memory, growth with size."""
 
 import argparse
-import json
-import os
 import resource
-import subprocess
-import sys
 import time
 from typing import Any
 
 import numpy as np
 
 from rm3d_plugin.experiments.benchmarks import clouds
-from rm3d_plugin.experiments.benchmarks.measure import machine
+from rm3d_plugin.experiments.benchmarks.measure import in_own_process, machine
 
 NAME = 'prepare'
 HELP = 'normals, adapted PFH, regions and graph of scenes of several sizes, each in a process of its own'
-CHILD = f'import json, sys; from {__name__} import one; print(json.dumps(one(int(sys.argv[1]))))'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,14 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Each size by itself; the exponent is the slope of log cost over log size (N log N: about 1.07)."""
-    environment = {**os.environ, 'NUMBA_NUM_THREADS': str(args.threads), 'PYTHONPATH': os.pathsep.join(sys.path)}
-    command = [sys.executable, '-c', CHILD]
-    scenes = []
-    for size in args.sizes:
-        done = subprocess.run(
-            [*command, str(size)], env=environment, check=True, stdout=subprocess.PIPE, text=True
-        ).stdout
-        scenes.append(json.loads(done.splitlines()[-1]))
+    scenes = [in_own_process(__name__, 'one', args.threads, [size]) for size in args.sizes]
     logs = np.log([[scene['points'], scene['cpu_s']] for scene in scenes])
     exponent = round(float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0]), 3) if len(scenes) > 1 else None
     return {'scenes': scenes, 'exponent': exponent, 'threads': args.threads, 'machine': machine()}
