@@ -1,10 +1,7 @@
 """What a run costs: seconds and bytes of its phases by points, fitted to measurements, and told for large data sets."""
 
 import argparse
-import json
 import math
-import os
-import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from rm3d_plugin.experiments.benchmarks import large_scene
-from rm3d_plugin.experiments.benchmarks.measure import machine
+from rm3d_plugin.experiments.benchmarks.measure import in_own_processes, machine
 
 NAME = 'cost-model'
 HELP = 'fit seconds and bytes of the phases of a run to several sizes, check them on another, tell what large data cost'
@@ -191,14 +188,9 @@ def phases_of(found: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, f
 
 def _measure(points: int, args: argparse.Namespace, processes: int = 1) -> dict[str, dict[str, float]]:
     """Phases of a run on a scan; of several processes at the same time the mean."""
-    environment = {**os.environ, 'NUMBA_NUM_THREADS': str(args.threads), 'PYTHONPATH': os.pathsep.join(sys.path)}
-    command = [sys.executable, '-c', large_scene.CHILD, *map(str, (points, args.crop, 2, args.threads))]
-    children = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(processes)]
-    texts = [child.communicate()[0] for child in children]
-    for child in children:
-        if child.returncode:
-            raise subprocess.CalledProcessError(child.returncode, command)
-    found = mean_phases([phases_of(json.loads(text.splitlines()[-1])['phases']) for text in texts])
+    asked = [points, args.crop, 2, args.threads]
+    answers = in_own_processes(large_scene.__name__, 'one', args.threads, asked, processes)
+    found = mean_phases([phases_of(answer['phases']) for answer in answers])
     print(f'{points} points, {processes} at a time: {cpu_seconds(found):.0f} CPU s', file=sys.stderr, flush=True)
     return found
 

@@ -69,21 +69,35 @@ def matrix_product(side: int = 768) -> tuple[Callable[[], object], float]:
 
 
 def in_own_process(module: str, function: str, threads: int, arguments: Sequence[object]) -> dict[str, Any]:
-    """What a function says in a fresh process, whose peak of memory is its own.
+    """What a function says in a fresh process, whose peak of memory is its own; see :func:`in_own_processes`."""
+    return in_own_processes(module, function, threads, arguments, 1)[0]
+
+
+def in_own_processes(
+    module: str, function: str, threads: int, arguments: Sequence[object], processes: int
+) -> list[dict[str, Any]]:
+    """What a function says in each of several fresh processes that run at the same time.
 
     Args:
         module: Where it is.
         function: Takes the arguments, gives what JSON holds.
         threads: Of torch and of our kernels.
         arguments: What JSON holds.
+        processes: How many.
+
+    Raises:
+        subprocess.CalledProcessError: One of them failed.
     """
     text = f'import json, sys, torch; from {module} import {function}; torch.set_num_threads({threads}); '
     text += f'print(json.dumps({function}(*json.loads(sys.argv[1]))))'
     environment = {**os.environ, 'NUMBA_NUM_THREADS': str(threads), 'PYTHONPATH': os.pathsep.join(sys.path)}
     command = [sys.executable, '-c', text, json.dumps(list(arguments))]
-    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
-    answer: dict[str, Any] = json.loads(done.splitlines()[-1])
-    return answer
+    children = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(processes)]
+    texts = [child.communicate()[0] for child in children]
+    for child in children:
+        if child.returncode:
+            raise subprocess.CalledProcessError(child.returncode, command)
+    return [json.loads(said.splitlines()[-1]) for said in texts]
 
 
 def forget_peak() -> None:
