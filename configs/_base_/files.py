@@ -38,6 +38,7 @@ train_pipeline = [
     dict(type='ClassCrop', max_points='${crop_points}'),
     dict(type='GlobalRotScale', rot=[-3.1416, 3.1416], scale=[0.9, 1.1]),
     dict(type='RandomFlipY', prob=0.5),
+    '${method_view}',
     dict(type='PackScene'),
 ]
 eval_pipeline = [

@@ -24,6 +24,7 @@ train_pipeline = [
     dict(type='RandomFlipY', prob=0.5),
     dict(type='PointNoise', jitter=0.0, columns=0.05),
     dict(type='AugmentedView', prob='${aug_prob}'),
+    '${method_view}',
     dict(type='PackScene'),
 ]
 # At test time tiles are read from eight sides, the points of a region speak together, and rare classes are rare.

@@ -24,6 +24,7 @@ train_pipeline = [
     dict(type='RandomFlipY', prob=0.5),
     dict(type='PointNoise', jitter=0.02, columns=0.05),  # m; shape columns
     dict(type='AugmentedView', prob='${aug_prob}'),
+    '${method_view}',
     dict(type='PackScene'),
 ]
 voxel_size = 0.3  # m

@@ -1,11 +1,13 @@
 """Each baseline is described, and its configs differ from RM3D's in what its spec says, and in nothing else."""
 
 import pytest
+from configs.leaves import LEAVES, SEGMENTATION
 
 from rm3d_plugin.baselines import BASELINES, COMBINATIONS, FULL_SUPERVISION, LABELLED_ONLY, METHODS
 from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.experiments.run_commands import config_path
 
+METHODS_OF_FOLDER = [path for path in LEAVES if path.parent.name == 'baselines']
 MEASURED = {'sem': ('scannet', '0p2pct'), 'ins': ('scannet', '0p2pct'), 'votenet': ('kitti', '1pct')}
 
 
@@ -50,3 +52,18 @@ def test_the_config_is_that_of_rm3d_with_the_options(tmp_path, baseline, task, d
         apart |= {'region_prior', 'label_maker', 'custom_hooks'}
     left = {key: value for key, value in ours.to_dict().items() if key not in apart}
     assert left == {key: value for key, value in theirs.to_dict().items() if key not in apart}
+
+
+@pytest.mark.parametrize('path', METHODS_OF_FOLDER, ids=lambda path: path.stem)
+def test_the_parts_of_a_method_are_used(path, tmp_path):
+    config = load_config(path, tmp_path)
+    used = ('model', 'train_dataloader', 'custom_hooks')
+    for key in (name for name in config if name.startswith('method_') and config[name] is not None):
+        without = load_config(path, tmp_path, options={key: None})
+        assert any(config[part] != without[part] for part in used), f'{key} changes nothing that trains'
+
+
+@pytest.mark.parametrize('path', SEGMENTATION, ids=lambda path: path.stem)
+def test_every_config_of_points_shows_the_view_of_a_method(path, tmp_path):
+    config = load_config(path, tmp_path, options={'method_view': {'type': 'MaskedView'}})
+    assert 'MaskedView' in [step['type'] for step in config.train_dataloader.dataset.pipeline]

@@ -1,11 +1,13 @@
 """What the propagation needs to know of a scan, whatever is labelled: computed once."""
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from rm3d_plugin.pseudo_labels.propagation.channels import channel_groups
+from rm3d_plugin.pseudo_labels.propagation.learned_features import learned_features
 from rm3d_plugin.pseudo_labels.propagation.neighborhoods import neighborhoods
 from rm3d_plugin.pseudo_labels.propagation.point_features import point_features
 from rm3d_plugin.pseudo_labels.propagation.point_graph import PointGraph, fixed_graph, measured_graph
@@ -38,5 +40,6 @@ def prepare_cloud(cloud: PointCloud) -> PreparedCloud:
     """Neighbours, edges and features of a scan; most of the time of a propagation is spent here."""
     near, channels = neighborhoods(cloud.xyz), channel_groups(cloud)
     graphs = measured_graph(cloud.xyz, near, channels), fixed_graph(cloud, near, channels)
-    scales = region_scales(graphs[0], point_features(cloud.xyz, near, channels))
+    groups = chain(point_features(cloud.xyz, near, channels), learned_features(cloud))
+    scales = region_scales(graphs[0], groups)
     return PreparedCloud(cloud, graphs, scales, near.spacing)

@@ -1,0 +1,32 @@
+"""What a learned descriptor says of the points of a scan: a few columns more that tell classes apart."""
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float
+
+from rm3d_plugin.descriptors import PointSIFT
+from rm3d_plugin.structures import PointCloud
+
+AT_ONCE = 8  # columns of all points that are held in memory
+
+
+def learned_features(cloud: PointCloud) -> Iterator[Float[np.ndarray, 'points columns']]:
+    """Descriptors of all points by :class:`~rm3d_plugin.descriptors.PointSIFT`, some columns at a time.
+
+    Its weights are those of the package, learnt without labels from synthetic scans alone; its unit is the scan's own
+    density. Points that it cannot describe have zeros.
+
+    Args:
+        cloud: As given.
+    """
+    described = _descriptor().compute(cloud)
+    rows = described.row_numbers()
+    for first in range(0, described.source.shape[1], AT_ONCE):
+        yield described.source[:, first : first + AT_ONCE][rows]
+
+
+@cache
+def _descriptor() -> PointSIFT:
+    return PointSIFT(PointSIFT.shipped())
