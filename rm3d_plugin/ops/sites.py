@@ -54,8 +54,7 @@ def voxel_sites(xyz: Float[np.ndarray, 'points 3'], voxel_size: float | None = N
     Args:
         xyz: (N, 3) metres.
         voxel_size: Metres, the unit; None: :func:`voxel_size_of` the scan, doubled until it is at most
-            :data:`WIDEST` voxels
-            wide.
+            :data:`WIDEST` voxels wide.
 
     Returns:
         Places are the middles of voxels, in voxels. No site where there is no point; one that is not valid where all
@@ -67,33 +66,27 @@ def voxel_sites(xyz: Float[np.ndarray, 'points 3'], voxel_size: float | None = N
     unit = voxel_size_of(xyz) if voxel_size is None else voxel_size
     if len(xyz) == 0 or not unit > 0:
         return _nothing(len(xyz), unit)
-    placed = _placed(xyz, unit)
-    while placed.coords.max() > WIDEST:
+    points = _in_units(xyz, unit)
+    while (width := _occupied_width(points)) > WIDEST:
         if voxel_size is not None:
-            raise ValueError(
-                f'the scan is {placed.coords.max()} voxels of {unit:g} m wide, at most {WIDEST}; pass a larger voxel'
-            )
+            raise ValueError(f'the scan is {width} voxels of {unit:g} m wide, at most {WIDEST}; pass a larger voxel')
         unit *= 2.0
-        placed = _placed(xyz, unit)
-    points, coords, rows = placed
+        points = _in_units(xyz, unit)
+    grid = voxel_grid(points, 1.0)
+    coords, rows = close_gaps(grid.coords, WIDEST), grid.point_to_voxel
     middles = segment_mean(points, rows, len(coords))
     inputs, valid = _looks(middles)
     return Sites((coords + 0.5).astype(np.float32), inputs, valid, rows, unit)
 
 
-class _Placed(NamedTuple):
-    """Points in voxels, the occupied voxels with gaps between them closed, and the voxel of each point."""
-
-    points: Float[np.ndarray, 'points 3']
-    coords: Int[np.ndarray, 'voxels 3']
-    rows: Int[np.ndarray, ' points']
-
-
-def _placed(xyz: Float[np.ndarray, 'points 3'], unit: float) -> _Placed:
+def _in_units(xyz: Float[np.ndarray, 'points 3'], unit: float) -> Float[np.ndarray, 'points 3']:
     points = xyz.astype(np.float64) / unit
-    points -= points.min(axis=0)
-    grid = voxel_grid(points, 1.0)
-    return _Placed(points, close_gaps(grid.coords, WIDEST), grid.point_to_voxel)
+    return np.asarray(points - points.min(axis=0))
+
+
+def _occupied_width(points: Float[np.ndarray, 'points 3']) -> int:
+    """Voxels along the longest axis; empty stretches count as one where there are more than :data:`WIDEST`."""
+    return int(close_gaps(np.floor(points).astype(np.int64) + 1, WIDEST).max())
 
 
 def _looks(

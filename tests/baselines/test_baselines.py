@@ -7,7 +7,7 @@ from rm3d_plugin.baselines import BASELINES, COMBINATIONS, FULL_SUPERVISION, LAB
 from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.experiments.run_commands import config_path
 
-METHODS_OF_FOLDER = [path for path in LEAVES if path.parent.name == 'baselines']
+METHODS_OF_FOLDER = [path for path in LEAVES if path.parent.name == 'baselines' and '\nmethod_' in path.read_text()]
 MEASURED = {'sem': ('scannet', '0p2pct'), 'ins': ('scannet', '0p2pct'), 'votenet': ('kitti', '1pct')}
 
 

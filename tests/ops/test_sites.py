@@ -9,7 +9,7 @@ from rm3d_plugin.descriptors.fpfh import fpfh
 from rm3d_plugin.ops.normals import estimate_normals
 from rm3d_plugin.ops.scan_scale import scan_spacing
 from rm3d_plugin.ops.site_histograms import REACH, WIDTH, with_histograms
-from rm3d_plugin.ops.sites import CHANNELS, VOXEL, voxel_sites
+from rm3d_plugin.ops.sites import CHANNELS, VOXEL, WIDEST, voxel_sites, voxel_size_of
 
 
 @pytest.fixture
@@ -114,3 +114,28 @@ def test_no_points_have_no_histograms():
     assert nothing.inputs.shape == (0, WIDTH)
     one = with_histograms(voxel_sites(np.zeros((4, 3))), np.zeros((4, 3)))
     assert one.inputs.shape == (1, WIDTH) and not one.valid.any()
+
+
+def test_voxels_grow_until_a_wide_scan_fits():
+    rng = np.random.default_rng(0)
+    road = np.c_[np.linspace(10, 5000, 120_000), np.zeros((120_000, 2))]
+    xyz = np.r_[rng.uniform(0, 0.2, (150_000, 3)), road]
+    unit, sites = voxel_size_of(xyz), voxel_sites(xyz)
+    doublings = np.log2(sites.unit / unit)
+    assert doublings == pytest.approx(round(doublings)) and doublings >= 1
+    assert WIDEST / 2 < sites.places[:, 0].max() <= WIDEST
+    with pytest.raises(ValueError, match=r'voxels of .* m wide, at most 60000; pass a larger voxel'):
+        voxel_sites(xyz, unit)
+
+
+def test_of_a_crowded_site_some_points_stand_for_all(rng):
+    xyz = np.r_[plane(40), rng.uniform([20.1, 20.1, 0], [20.9, 20.9, 0], (5000, 3))]
+    sites = voxel_sites(xyz, 1.6)
+    assert np.bincount(sites.rows).max() > 1000
+    crowded = with_histograms(sites, xyz).inputs
+    assert (crowded[:, CHANNELS:].sum(axis=1) > 0).all()
+    order = rng.permutation(len(xyz))
+    turned_round = with_histograms(voxel_sites(xyz[order], 1.6), xyz[order]).inputs
+    assert np.allclose(crowded, turned_round, atol=1e-5)
+    alone = with_histograms(voxel_sites(plane(40), 1.6), plane(40)).inputs
+    assert np.allclose(crowded[:, CHANNELS:], alone[:, CHANNELS:], atol=0.15), 'a plane is a plane, however crowded'

@@ -1,9 +1,8 @@
-"""Every descriptor, learned ones too, of all points of one room: seconds and memory."""
+"""Every descriptor, learned ones too, of all points of one room with its normals: seconds and memory."""
 
 import argparse
 import resource
 import time
-from dataclasses import replace
 from typing import Any
 
 from rm3d_plugin.engine.config import ConfigError
@@ -13,7 +12,6 @@ from rm3d_plugin.experiments.compared_descriptors import compared_descriptors
 
 NAME = 'describe'
 HELP = 'every descriptor of all points of a room, with the indoor preset, each in a process of its own'
-NORMAL_NEIGHBORS = 20
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,16 +36,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def one(name: str, points: int) -> dict[str, Any]:
-    """Describe one room in this process, once compiled kernels and weights are there."""
-    from rm3d_plugin.descriptors import cloud_normals
+    """Describe one room in this process, once compiled kernels, weights and normals are there."""
+    from rm3d_plugin.experiments.scenes import described_surface
     from rm3d_plugin.inference.oversegment import build_part
-    from rm3d_plugin.regions.prepare import with_normals
     from rm3d_plugin.registry import DESCRIPTORS
     from rm3d_plugin.structures import PointCloud
 
     def cloud(rows: int) -> PointCloud:
-        bare = PointCloud(clouds.room(rows).xyz)
-        return with_normals(replace(bare, normals=cloud_normals(bare, NORMAL_NEIGHBORS)), NORMAL_NEIGHBORS)
+        return described_surface(PointCloud(clouds.room(rows).xyz))
 
     part = build_part(DESCRIPTORS, name, 'indoor', {})
     part.compute(cloud(2000))

@@ -70,8 +70,8 @@ class PairContrast(LossTerm):
     places apart.
 
     Args:
-        contrast: 'triplet' (L_TriC, the paper's choice), 'pair' (L_C), 'hardest' (that of FCGF) or 'nce'
-            (PointInfoNCE).
+        contrast: 'nce' (PointInfoNCE), 'triplet' (L_TriC, the paper's choice), 'pair' (L_C) or 'hardest' (that of
+            FCGF).
         num_pairs: Places of a batch. Larger: harder negatives, memory with its square.
         negative_distance: Places at least so far apart are negatives, in voxels: 16 are about the 1 m of METHOD 3 in a
             room. A positive is a copy of the same point.
@@ -82,7 +82,7 @@ class PairContrast(LossTerm):
 
     def __init__(
         self,
-        contrast: Contrast = 'triplet',
+        contrast: Contrast = 'nce',
         num_pairs: int = 1024,
         negative_distance: float = 16.0,
         loss_weight: float = 1.0,

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from rm3d_plugin.descriptors import PointSIFT
 from rm3d_plugin.structures import PointCloud
 
+WIDTH = 32  # values of a point
 AT_ONCE = 8  # columns of all points that are held in memory
 
 
@@ -21,9 +22,12 @@ def learned_features(cloud: PointCloud) -> Iterator[Float[np.ndarray, 'points co
     Args:
         cloud: As given.
     """
+    if not len(cloud):
+        yield np.zeros((0, WIDTH), dtype=np.float32)
+        return
     described = _descriptor().compute(cloud)
     rows = described.row_numbers()
-    for first in range(0, described.source.shape[1], AT_ONCE):
+    for first in range(0, WIDTH, AT_ONCE):
         yield described.source[:, first : first + AT_ONCE][rows]
 
 
