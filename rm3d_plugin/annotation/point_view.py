@@ -19,7 +19,9 @@ REACH = 0.006  # of the distance from the eye: as near a ray must pass a point t
 BEHIND = 0.02  # of the distance: points so much behind the first in a cell of the picture are hidden
 DARKEST = 0.5  # of a class's colour, on what is dark in the scan
 CLEAR = 0.2  # of the way to the eye: so wide a tube, and from so far on, shall hold no point
-SIGHT = 0.01  # of the way: a point so near to the line of sight hides the place, from BALL of the way on
+SIGHT = (
+    0.03  # of the way: a point so near to the line of sight hides the place, as it is drawn; from BALL of the way on
+)
 BALL = 0.05
 IN_CELL = 8  # points in a cell of the rectangle, about: the first of them hides the others
 
@@ -137,13 +139,15 @@ def clearest_way(
 ) -> Float[np.ndarray, '3']:
     """Direction from a place to an eye that sees it, with the fewest points between, near to that of before.
 
+    From below only where the place is hidden from above.
+
     Args:
         xyz: Points that are shown.
         place: Looked at, metres.
         before: From it to the eye until now, of any length above 0.
         length: From it to the eye from now on, metres.
     """
-    turns, lifts = np.deg2rad(np.arange(0.0, 360.0, 45.0)), np.deg2rad([20.0, 50.0])
+    turns, lifts = np.deg2rad(np.arange(0.0, 360.0, 45.0)), np.deg2rad([20.0, 50.0, -20.0, -50.0])
     turn, lift = (each.ravel() for each in np.meshgrid(turns, lifts))
     ways = np.stack([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)], axis=1)
     own = before / np.linalg.norm(before)
@@ -156,7 +160,8 @@ def clearest_way(
         beside = np.square(near).sum(axis=1) - np.square(ahead)
         hidden = ((ahead > BALL * length) & (ahead < length) & (beside < (SIGHT * length) ** 2)).any()
         around = np.count_nonzero((ahead > CLEAR * length) & (beside < (CLEAR * length) ** 2))
-        between.append(int(around) + len(near) * bool(hidden))
+        from_below = 0.5 * bool(way[2] < 0)
+        between.append(around + len(near) * (bool(hidden) + from_below))
     return np.asarray(ways[int(np.argmin(between))])
 
 
