@@ -270,7 +270,7 @@ def red(tab, place):
 
 
 def box_an_object(tab, session):
-    """Begin an object of the rarest class, click it, and fit a box; then give points of a rectangle to it."""
+    """Begin an object of the rarest class, click it, give points of a rectangle to it, and fit a box."""
     scan, count = session.scans[0], len(session.log.clicks)
     rarest = np.bincount(session.labels(scan).semantic, minlength=5).argmin()  # an object is not most of the scan
     for key in 'n', str(rarest + 1):
@@ -278,8 +278,6 @@ def box_an_object(tab, session):
     tab.wait_for_timeout(500)
     click_until(tab, (0.5, 0.5), lambda: len(session.log.clicks) > count)
     count = settled_count(tab, session)
-    tab.keyboard.press('b')
-    assert within(tab, lambda: session.objects.boxes(scan))
     box = tab.locator('canvas').first.bounding_box()
     tab.keyboard.down('Shift')
     tab.mouse.move(box['x'] + 0.45 * box['width'], box['y'] + 0.45 * box['height'])
@@ -288,6 +286,8 @@ def box_an_object(tab, session):
     tab.mouse.up()
     tab.keyboard.up('Shift')
     assert within(tab, lambda: len(session.log.clicks) > count)
+    tab.keyboard.press('b')
+    assert within(tab, lambda: session.objects.boxes(scan))
 
 
 def picture(tab, folder, name):
