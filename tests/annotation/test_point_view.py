@@ -97,6 +97,14 @@ def test_a_place_that_a_single_point_hides_is_looked_at_from_beside_it():
     assert clearest_way(hides, place, before, 1.0) @ before < 0.999
 
 
+def test_a_place_under_a_lid_is_looked_at_from_below():
+    turns = np.deg2rad(np.arange(0.0, 360.0, 3.0))
+    lid = [np.array([np.cos(turn) * np.cos(up), np.sin(turn) * np.cos(up), np.sin(up)]) for turn in turns
+           for up in np.deg2rad(np.arange(0.0, 91.0, 3.0))]  # fmt: skip
+    way = clearest_way(0.4 * np.array(lid), np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.0)
+    assert way[2] == pytest.approx(-np.sin(np.deg2rad(50)))  # past the rim of the lid
+
+
 def test_a_lasso_holds_what_a_polygon_of_the_picture_shows():
     camera = Camera(np.array(EYE), DOWN, 2 * np.arctan(0.2), 1.0)  # the picture is 4 m wide at the floor
     triangle = np.array([(0.5, 0.25), (0.75, 0.5), (0.5, 0.5)])  # corners (0, 1), (1, 0) and (0, 0) on the floor
