@@ -19,10 +19,8 @@ REACH = 0.006  # of the distance from the eye: as near a ray must pass a point t
 BEHIND = 0.02  # of the distance: points so much behind the first in a cell of the picture are hidden
 DARKEST = 0.5  # of a class's colour, on what is dark in the scan
 CLEAR = 0.2  # of the way to the eye: so wide a tube, and from so far on, shall hold no point
-SIGHT = (
-    0.03  # of the way: a point so near to the line of sight hides the place, as it is drawn; from BALL of the way on
-)
-BALL = 0.05
+SIGHT = 0.03  # of the way: a point, as it is drawn, so near to the line of sight hides what lies beyond, from BALL on
+BALL = 0.05  # of the way
 IN_CELL = 8  # points in a cell of the rectangle, about: the first of them hides the others
 
 
