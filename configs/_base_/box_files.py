@@ -34,14 +34,14 @@ turning_pipeline = [
     dict(type='DropGround'),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='GlobalRotScale', rot=[-0.785, 0.785], scale=[0.95, 1.05]),
-    dict(type='AugmentedView'),
+    dict(type='AugmentedView', prob='${aug_prob}'),
     dict(type='PackScene'),
 ]
 aligned_pipeline = [  # nothing is turned: boxes stand along the axes
     dict(type='DropGround'),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='GlobalRotScale', rot=[0.0, 0.0], scale=[0.9, 1.1]),
-    dict(type='AugmentedView'),
+    dict(type='AugmentedView', prob='${aug_prob}'),
     dict(type='PackScene'),
 ]
 eval_pipeline = [dict(type='DropGround'), dict(type='PackScene')]
@@ -94,9 +94,9 @@ hidden = 64
 rounds = 10
 sigma = 4  # epochs a round
 warm_up_rounds = 6  # 24 epochs with the first labels
-periods = [24, 4, 4, 4, 4]
-restart_weights = [1, 1, 1, 1, 1]
-batch_size = 4
+periods = [40]
+restart_weights = [1]
+batch_size = 2
 learning_rate = 2e-3
 val_rounds = 10
 demo = None

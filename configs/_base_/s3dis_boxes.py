@@ -21,7 +21,7 @@ train_pipeline = [  # boxes stand along the axes, so rooms are not turned
     dict(type='LimitPoints', max_points='${crop_points}'),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='GlobalRotScale', rot=[0.0, 0.0], scale=[0.85, 1.15]),
-    dict(type='AugmentedView'),
+    dict(type='AugmentedView', prob='${aug_prob}'),
     dict(type='PackScene'),
 ]
 eval_pipeline = [dict(type='PackScene')]
@@ -60,9 +60,9 @@ demo = dict(
     rounds=10,
     sigma=4,
     warm_up_rounds=6,  # 24 epochs with the first labels
-    periods=[24, 4, 4, 4, 4],
-    restart_weights=[1, 1, 1, 1, 1],
-    batch_size=4,
+    periods=[40],
+    restart_weights=[1],
+    batch_size=2,
     learning_rate=2e-3,
     val_rounds=10,
 )

@@ -13,6 +13,7 @@ far = [1.6, 0.9, 1.1]  # m, from which it means none
 num_seeds = 2048
 num_proposals = 512
 tta_views = [[False, 0.0], [True, 0.0], [False, 0.35], [True, -0.35]]
+on_ground = True
 teacher = '${predicted_boxes}'  # predicted boxes become pseudo boxes
 pseudo_geometry = 0.0  # pasted objects teach where a box lies
 paste_objects = 8  # annotated objects of other frames copied into each training frame
@@ -27,7 +28,7 @@ train_pipeline = [
     dict(type='DropGround'),
     dict(type='RandomFlipY', prob=0.5),
     dict(type='GlobalRotScale', rot=[-0.785, 0.785], scale=[0.95, 1.05]),
-    dict(type='AugmentedView'),
+    dict(type='AugmentedView', prob='${aug_prob}'),
     dict(type='PackScene'),
 ]
 eval_pipeline = [dict(type='DropGround'), dict(type='PackScene')]
@@ -73,9 +74,9 @@ demo = dict(
     rounds=10,
     sigma=4,
     warm_up_rounds=6,  # 24 epochs with the first labels
-    periods=[24, 4, 4, 4, 4],
-    restart_weights=[1, 1, 1, 1, 1],
-    batch_size=4,
+    periods=[40],
+    restart_weights=[1],
+    batch_size=2,
     learning_rate=2e-3,
     val_rounds=10,
 )

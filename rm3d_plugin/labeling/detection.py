@@ -185,7 +185,8 @@ class DetectionLabelMaker(LabelMaker):
         found = [scene for part in all_gather_object(own) for scene in part]
         boxes, shown = _joined([scene.boxes for scene in found]), joined_shown([scene.shown for scene in found])
         ratio = len(self.index_of) / max(len(found), 1)
-        return box_limits(boxes, shown, len(self.mean_sizes), rules, ratio, self._expected(number))
+        most = self._most_expected(number, rules.growth)
+        return box_limits(boxes, shown, len(self.mean_sizes), rules, ratio, self._expected(), most)
 
     def _result(self, number: int, scene_id: str, prediction: PointPrediction | None) -> RefreshResult:
         scene = self._inputs(number, scene_id, prediction)
@@ -193,15 +194,18 @@ class DetectionLabelMaker(LabelMaker):
             scene, RoundContext(number, self.rules, self.class_counts), self._knowledge(scene_id, number)
         )
 
-    def _expected(self, number: int) -> Float[np.ndarray, ' classes'] | None:
-        """Objects of each class without an annotated box, from completely labelled scenes, or as round 1 had it."""
+    def _expected(self) -> Float[np.ndarray, ' classes'] | None:
+        """Objects of each class without an annotated box, from completely labelled scenes; None: there are none."""
         whole = [self.annotated(scene) for scene in self.index_of if self.annotated(scene).complete]
         counts = [np.bincount(known.boxes.labels, minlength=len(self.mean_sizes)) for known in whole]
-        if not whole and number > 1:
-            rows = self.store.summary(1)['boxes'].values()
-            told = [row.get('expected') for row in rows]
-            return None if None in told else np.array(told, dtype=np.float64)
         return expected_from_whole(counts, len(self.index_of) - len(whole))
+
+    def _most_expected(self, number: int, growth: float) -> Float[np.ndarray, ' classes'] | None:
+        """So many times what the last round with predictions expected; None: there was none."""
+        if number < 2:
+            return None
+        told = [row.get('expected') for row in self.store.summary(number - 1)['boxes'].values()]
+        return None if None in told else np.maximum(growth * np.array(told, dtype=np.float64), 1.0)
 
     def _most(self, number: int) -> Float[np.ndarray, ' classes']:
         """See :func:`most_boxes`."""

@@ -15,6 +15,7 @@ class SceneSample(BaseDataElement):
         pts_is_annotated: (n,) bool, True where the class was annotated by the budget.
         pts_confidence: (n,) float32 in [0, 1], how likely the class is right; 1 for annotated points.
         pts_region: (n,) int64, region of each point, -1 = none.
+        pts_height: (n,) float32 metres above the ground.
 
     Output fields:
         pred_bboxes_3d: (K, 7) float32, pred_labels_3d: (K,) int64, pred_scores_3d: (K,) float32.

@@ -154,6 +154,7 @@ def test_ground_goes_objects_stay():
     results = {'points': np.c_[xyz, xyz[:, 0]].astype(np.float32), 'point_index': np.arange(len(xyz))}
     kept = DropGround()(results)
     assert kept['point_index'].tolist() == list(range(4000, 4030))
+    np.testing.assert_allclose(kept['height'], post[:, 2], atol=0.05)
     np.testing.assert_array_equal(kept['points'], results['points'][4000:])
 
 

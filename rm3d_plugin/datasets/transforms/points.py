@@ -10,7 +10,9 @@ from rm3d_plugin.registry import TRANSFORMS
 
 Shape = Literal['sphere', 'column', 'box']
 # arrays with one row a point
-POINT_FIELDS = ('points', 'point_index', 'semantic', 'instance', 'is_annotated', 'confidence', 'is_ground', 'region')
+POINT_FIELDS = (
+    'points', 'point_index', 'semantic', 'instance', 'is_annotated', 'confidence', 'is_ground', 'height', 'region',
+)  # fmt: skip
 
 
 def select_points(results: dict[str, Any], index: np.ndarray) -> dict[str, Any]:
@@ -80,6 +82,7 @@ class LimitPoints:
 class DropGround:
     """Drop ground points (METHOD 7: outdoors, ground dropped); ``point_index`` tells which stay.
 
+    Those that stay keep their ``height`` in metres above the ground, where no earlier transform segmented it.
     A scene that is nothing but ground keeps all its points, since a network cannot take an empty one.
 
     Args:
@@ -97,5 +100,6 @@ class DropGround:
         """Segment (where an earlier transform did not), then select."""
         ground = results.get('is_ground')
         if ground is None:
-            ground = segment_ground(results['points'][:, :3], iterations=self.iterations, **self.options).is_ground
+            ground, height = segment_ground(results['points'][:, :3], iterations=self.iterations, **self.options)
+            results = results | {'height': height}
         return results if ground.all() else select_points(results, ~ground)

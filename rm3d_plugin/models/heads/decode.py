@@ -100,3 +100,19 @@ def select_boxes(
     kept = kept[np.argsort(-score[kept], kind='stable')][:limit]
     chosen = box[kept] if fuse_iou is None or not len(kept) else fuse_boxes(box, score, label, kept, fuse_iou)
     return Detections(*(torch.from_numpy(v) for v in (chosen.astype(np.float32), label[kept], np.float32(score[kept]))))
+
+
+def stand_on_ground(found: Detections, xyz: Float[Tensor, 'points 3'], height: Float[Tensor, ' points']) -> Detections:
+    """The boxes moved up or down until they stand on the ground below the point that is nearest to each from above.
+
+    Args:
+        found: Boxes of one scene.
+        xyz: Its points, metres, z up; without any, boxes stay.
+        height: Metres of the points above the ground.
+    """
+    if not len(found.boxes) or not len(xyz):
+        return found
+    boxes, xyz, height = found.boxes.clone(), xyz.to(found.boxes), height.to(found.boxes)
+    nearest = torch.cdist(boxes[:, :2], xyz[:, :2], compute_mode='donot_use_mm_for_euclid_dist').argmin(dim=1)
+    boxes[:, 2] = xyz[nearest, 2] - height[nearest] + boxes[:, 5] / 2
+    return found._replace(boxes=boxes)

@@ -177,7 +177,7 @@ def _candidates(
     if sizes is None:
         sizes = size_ranges(np.zeros((0, 7)), np.zeros(0, dtype=np.int64), knowledge.mean_sizes)
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
-    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher)
+    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height)
 
 
 def _proposed(scene: SceneInputs, rules: TeacherRules, context: ObjectContext) -> Boxes3D:
@@ -211,7 +211,7 @@ def _objects_of_teacher(
     if rules.teacher.refit:
         objects = _refitted(objects, _object_context(scene, knowledge, rules.objects), empty.surely)
     free = (objects.point_box < 0) & ~objects.rejected & (annotation.seeds < 0)
-    empty_points = (empty.surely & (objects.point_box < 0)) | (empty.large & free)
+    empty_points = ((empty.surely | found.empty) & (objects.point_box < 0)) | (empty.large & free)
     if sure is not None and scene.probabilities is not None:
         empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= sure)
     nothing = LabelAssembly(np.full(len(scene.xyz), UNLABELLED), np.zeros(len(scene.xyz), dtype=np.float32))

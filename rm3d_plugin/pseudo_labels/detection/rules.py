@@ -96,6 +96,13 @@ class TeacherRules:
         min_points: Fewest points in a box that are not surely background.
         free_above: Share that the points in a box have at least among these and all in the metre over it: objects end,
             poles, trunks and bushes go on. 0: never asked.
+        top: Share of the height of the lowest annotated box of the class that the points of a box must reach above the
+            ground, the widest gap between them in height included, since beams may pass just over an object; nor may
+            they be higher than the highest annotated box over this share. What has no class's height is background.
+            0: never asked.
+        growth: A round may expect so many times the objects of a class that the last one did. A network that learnt
+            from pseudo boxes confirms them and finds more; larger: trusts it more. Where whole scenes are labelled,
+            their counts tell the number.
         max_iou: Overlap from above that two boxes may have.
         refit: The class's usual box is fitted to the points of an accepted box, and takes its place.
         background: Probability from which the network makes a point background that lies in no candidate's box. None:
@@ -108,6 +115,8 @@ class TeacherRules:
     size_ratio: float = 1.4
     min_points: int = 5
     free_above: float = 0.95
+    top: float = 0.95
+    growth: float = 2.0
     max_iou: float = 0.1
     refit: bool = False
     background: float | None = 0.95
@@ -119,6 +128,8 @@ class TeacherRules:
         check_field(self, 'size_ratio', self.size_ratio >= 1, 'at least 1')
         check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
         check_field(self, 'free_above', 0 <= self.free_above <= 1, 'a share in [0, 1]')
+        check_field(self, 'top', 0 <= self.top <= 1, 'a share in [0, 1]')
+        check_field(self, 'growth', self.growth > 0, 'more than 0')
         check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
         sure = self.background
         check_field(self, 'background', sure is None or 0 < sure <= 1, 'a probability in (0, 1], or None')

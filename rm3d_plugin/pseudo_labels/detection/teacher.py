@@ -56,11 +56,13 @@ class Candidates(NamedTuple):
 
     Attributes:
         boxes: With scores, none in the place of another or of an annotated one.
+        empty: (N,) points in boxes that are too low or too high for an object of any class.
         steps: As :class:`~rm3d_plugin.pseudo_labels.detection.objects.Objects` has them.
         shown: What the network says of the scene's annotated objects.
     """
 
     boxes: Boxes3D
+    empty: Bool[np.ndarray, ' points']
     steps: dict[str, Int[np.ndarray, ' classes']]
     shown: Shown
 
@@ -73,8 +75,9 @@ def teacher_candidates(
     annotated: Boxes3D,
     ranges: Float[np.ndarray, 'classes 2 3'],
     rules: TeacherRules,
+    height: Float[np.ndarray, ' points'] | None = None,
 ) -> Candidates:
-    """Predicted boxes that have the size of their class, their place to themselves, and points that end with them.
+    """Predicted boxes of the size and height of their class, with their place to themselves and points that end there.
 
     Args:
         xyz: Points, metres.
@@ -84,6 +87,7 @@ def teacher_candidates(
         annotated: Annotated boxes; these always win.
         ranges: Sizes, see :func:`~rm3d_plugin.pseudo_labels.detection.boxes.size_ranges`; NaN: the class gets no box.
         rules: Thresholds.
+        height: Metres of each point above the ground; None: nobody asks how far up the points of a box reach.
     """
     steps = {'found': np.bincount(predicted.labels, minlength=len(ranges))}
 
@@ -98,7 +102,48 @@ def teacher_candidates(
     boxes = left(boxes, _points_of(xyz[~background], boxes.tensor) >= rules.min_points, 'points')
     held, above = (_points_of(*of) for of in ((xyz[~background], boxes.tensor), (xyz, boxes_above(boxes.tensor))))
     boxes = left(boxes, held >= rules.free_above * (held + above), 'above')
-    return Candidates(boxes, steps, shown)
+    if height is None or not rules.top:
+        return Candidates(boxes, np.zeros(len(xyz), dtype=bool), steps, shown)
+    owner = points_in_boxes(xyz, boxes.tensor)
+    reach = box_reach(height, owner, len(boxes))
+    least, greatest = rules.top * ranges[:, 0, 2], ranges[:, 1, 2] / rules.top
+    low = reach.top + reach.gap < least[:, None]  # (C, boxes)
+    high = reach.top > greatest[:, None]
+    none = (low | high | np.isnan(least)[:, None]).all(axis=0)  # what is no object of any class
+    of_class = boxes.labels, np.arange(len(boxes))
+    empty = (owner >= 0) & np.append(none, False)[owner]
+    wrong_height = {'low': low[of_class], 'high': high[of_class] & ~low[of_class]}
+    steps |= {step: np.bincount(boxes.labels[lost], minlength=len(ranges)) for step, lost in wrong_height.items()}
+    return Candidates(boxes.select(~(low | high)[of_class]), empty, steps, shown)
+
+
+class BoxReach(NamedTuple):
+    """How far up the points of boxes reach.
+
+    Attributes:
+        top: (M,) metres above the ground of the highest point, minus infinity without any.
+        gap: (M,) metres, the widest gap between two points in height: what is higher by less may have been missed.
+    """
+
+    top: Float[np.ndarray, ' boxes']
+    gap: Float[np.ndarray, ' boxes']
+
+
+def box_reach(height: Float[np.ndarray, ' points'], owner: Int[np.ndarray, ' points'], count: int) -> BoxReach:
+    """How far up the points of each box reach.
+
+    Args:
+        height: Metres above the ground.
+        owner: Box of each point, -1 = none.
+        count: Boxes.
+    """
+    order = np.lexsort((height, owner))
+    order = order[owner[order] >= 0]
+    of, up = owner[order], np.asarray(height, dtype=np.float64)[order]
+    top, gap = np.full(count, -np.inf), np.zeros(count)
+    np.maximum.at(top, of, up)
+    np.maximum.at(gap, of[1:], np.where(of[1:] == of[:-1], np.diff(up), 0.0))
+    return BoxReach(top, gap)
 
 
 def boxes_above(boxes: Float[np.ndarray, 'boxes 7'], height: float = ABOVE) -> Float[np.ndarray, 'boxes 7']:
@@ -171,6 +216,7 @@ def box_limits(
     rules: TeacherRules,
     scenes_ratio: float = 1.0,
     expected: Float[np.ndarray, ' classes'] | None = None,
+    most: Float[np.ndarray, ' classes'] | None = None,
 ) -> BoxLimits:
     """Limits of each class from the scores of the candidates of all scenes.
 
@@ -185,8 +231,8 @@ def box_limits(
         num_classes: C.
         rules: ``share`` and ``recognised`` are asked.
         scenes_ratio: All scenes, over those that the candidates are of.
-        expected: (C,) objects in all scenes, as completely labelled scenes or an earlier round tell, or None. A network
-            that learnt from pseudo boxes confirms them, so it cannot tell their number.
+        expected: (C,) objects in all scenes, as completely labelled scenes tell, or None.
+        most: (C,) objects to expect at most, or None: a network that learnt from pseudo boxes confirms them.
 
     Returns:
         A class without annotated objects, or whose annotated objects the network does not recognise, accepts nothing
@@ -200,6 +246,7 @@ def box_limits(
         ignore[c] = min(lower_mean(scores), rules.share * usual)
         worth = np.minimum(scores / max(usual, 1e-9), 1.0) ** 2
         number[c] = scenes_ratio * worth.sum() if expected is None else expected[c]
+        number[c] = min(number[c], np.inf if most is None else most[c])
         best = scores[: int(np.ceil(number[c] / scenes_ratio))]
         if usual > 0 and len(best) and np.median(shown.probs[own]) >= rules.recognised:
             accept[c] = max(rules.share * usual, float(best[-1]))

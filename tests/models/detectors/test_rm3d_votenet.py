@@ -215,3 +215,21 @@ def test_with_the_sparse_unet(world):
     assert torch.isfinite(loss.detach())
     samples = model.eval()(**model.data_preprocessor(pseudo_collate([world.make_scene(0)])), mode='predict')
     assert samples[0].pred_bboxes_3d.isfinite().all()
+
+
+def test_predicted_boxes_stand_on_the_ground_where_it_is_known_and_that_is_asked(world):
+    model = build(world.config() | {'on_ground': True, 'score_threshold': 0.0}).eval()
+    item = world.make_scene(0)
+    points = item['inputs']['points']
+
+    def predicted():
+        (sample,) = model(**model.data_preprocessor(pseudo_collate([copy.deepcopy(item)])), mode='predict')
+        return sample.pred_bboxes_3d
+
+    floating = predicted()
+    item['data_samples'].pts_height = points[:, 2] + 5.0  # the ground is at -5 m
+    standing = predicted()
+    assert len(standing) and torch.allclose(standing[:, 2] - standing[:, 5] / 2, torch.tensor(-5.0), atol=1e-5)
+    assert torch.equal(standing[:, [0, 1, 3, 4, 5, 6]], floating[:, [0, 1, 3, 4, 5, 6]])
+    model.on_ground = False
+    assert torch.equal(predicted(), floating)

@@ -2,7 +2,7 @@ import numpy as np
 import torch
 
 from rm3d_plugin.models.heads.box_coder import BoxPrediction, decode_boxes
-from rm3d_plugin.models.heads.decode import class_scores, fuse_boxes, select_boxes
+from rm3d_plugin.models.heads.decode import Detections, class_scores, fuse_boxes, select_boxes, stand_on_ground
 from rm3d_plugin.models.heads.seeds import choose_seeds
 
 
@@ -74,3 +74,15 @@ def test_fused_decode_keeps_scores_and_labels():
     plain, fused = decoded(given, means), decoded(given, means, fuse_iou=0.5)
     assert torch.equal(plain.scores, fused.scores)
     assert plain.boxes[0, 0] == 0.0 and 0.1 < float(fused.boxes[0, 0]) < 0.2
+
+
+def test_boxes_stand_on_the_ground_below_their_nearest_point():
+    """A slope: the ground is at x / 10."""
+    xyz = torch.tensor([[10.0, 0, 1.5], [20.0, 0, 2.5], [20.0, 3.0, 4.0]])
+    height = xyz[:, 2] - xyz[:, 0] / 10
+    boxes = torch.tensor([[10.5, 0.1, 9.0, 4, 2, 1.5, 0.3], [19.0, 1.0, -2.0, 1, 1, 1.8, 0.0]])
+    found = Detections(boxes, torch.tensor([0, 1]), torch.tensor([0.9, 0.8]))
+    got = stand_on_ground(found, xyz, height)
+    assert torch.allclose(got.boxes[:, 2], torch.tensor([1.0 + 0.75, 2.0 + 0.9]))
+    assert torch.equal(got.boxes[:, [0, 1, 3, 4, 5, 6]], boxes[:, [0, 1, 3, 4, 5, 6]]) and float(boxes[0, 2]) == 9.0
+    assert stand_on_ground(found, xyz[:0], height[:0]) is found

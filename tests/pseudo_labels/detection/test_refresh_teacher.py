@@ -31,7 +31,7 @@ def car(x):
 
 def scene(previous=None, scores=(0.9, 0.6, 0.2), background=0.99):
     along = np.linspace(-1.0, 1.0, EACH)
-    cars = np.concatenate([np.c_[x + along, 0 * along, 0.75 + 0 * along] for x in PLACES])
+    cars = np.concatenate([np.c_[x + along, 0 * along, 0.75 + 0.7 * along] for x in PLACES])  # up to 1.45 m
     rest = np.array([[x, 8.0, z] for z in (0.0, 1.0) for x in (5.0, 15.0, 25.0, 35.0)])
     xyz = np.concatenate([cars, rest])
     region = np.r_[np.repeat(np.arange(4), EACH), np.full(8, -1)]
@@ -59,7 +59,8 @@ def test_labels_by_hand():
     assert labels.semantic.tolist() == [0] * 27 + [-1] * 9 + [1] * 8  # of the car at 40 nobody says anything
     assert labels.instance.tolist() == [0] * 9 + [1] * 9 + [2] * 9 + [-1] * 17
     assert {step: int(lost[0]) for step, lost in got.steps.items()} == {
-        'found': 4, 'size': 0, 'collision': 1, 'points': 0, 'above': 0, 'unrecognised': 0, 'doubt': 0, 'score': 1
+        'found': 4, 'size': 0, 'collision': 1, 'points': 0, 'above': 0, 'low': 0, 'high': 0,
+        'unrecognised': 0, 'doubt': 0, 'score': 1
     }  # fmt: skip
 
 

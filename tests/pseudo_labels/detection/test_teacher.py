@@ -10,6 +10,7 @@ from rm3d_plugin.pseudo_labels.detection.teacher import (
     Shown,
     ask_annotated,
     box_limits,
+    box_reach,
     expected_from_whole,
     joined_shown,
     lower_mean,
@@ -83,6 +84,42 @@ def test_an_object_ends_with_its_box():
     assert len(free.boxes) == 3
 
 
+def slow_reach(height, owner, count):
+    tops, gaps = [], []
+    for box in range(count):
+        own = sorted(h for h, o in zip(height, owner, strict=True) if o == box)
+        tops.append(own[-1] if own else -np.inf)
+        gaps.append(max((b - a for a, b in zip(own[:-1], own[1:], strict=True)), default=0.0))
+    return tops, gaps
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_how_far_up_points_reach(seed):
+    rng = np.random.default_rng(seed)
+    owner, height = rng.integers(-1, 5, 30), rng.uniform(-0.2, 2.0, 30).astype(np.float32)
+    tops, gaps = slow_reach(height, owner, 6)
+    got = box_reach(height, owner, 6)
+    assert got.top.tolist() == pytest.approx(tops) and got.gap.tolist() == pytest.approx(gaps)
+
+
+def test_what_has_no_height_of_a_class_is_background():
+    """Boxes of a pedestrian's size: a person, a bollard, something as high as a car, few beams, and a pole."""
+    tops = (1.75, 1.0, 1.5, 1.3, 2.0)  # metres that the points of each reach; their gaps are .1 m, of the fourth .55
+    people = [[10.0 * (row + 1), 0.0, 1.1, 0.8, 0.6, 2.0, 0.0] for row in range(5)]
+    rows = [np.arange(top, 0.1, -0.55 if row == 3 else -0.1) for row, top in enumerate(tops)]
+    xyz = np.concatenate([np.c_[np.tile(box[:2], (len(z), 1)), z] for box, z in zip(people, rows, strict=True)])
+    owner = np.repeat(np.arange(5), [len(z) for z in rows])
+    nowhere, nothing = np.zeros(len(xyz), dtype=bool), Boxes3D.empty()
+    given = (xyz, nowhere, boxes(people, [1] * 5, [0.9] * 5), NOTHING, nothing, SIZES)
+    got = teacher_candidates(*given, TeacherRules(min_points=3), xyz[:, 2])
+    assert got.boxes.tensor[:, 0].tolist() == [10.0, 40.0]
+    assert got.steps['low'].tolist() == [0, 2] and got.steps['high'].tolist() == [0, 1]
+    assert got.empty.tolist() == np.isin(owner, [1, 4]).tolist()  # a car might be as high as the third
+    for rules, height in ((TeacherRules(min_points=3, top=0.0), xyz[:, 2]), (TeacherRules(min_points=3), None)):
+        unasked = teacher_candidates(*given, rules, height)
+        assert len(unasked.boxes) == 5 and not unasked.empty.any() and 'low' not in unasked.steps
+
+
 def test_sizes_may_leave_the_range_of_annotated_boxes_by_a_factor():
     known = np.array(
         [[*car(0)[:3], 2.0, 4.0, 1.5, 0.1], car(0, length=6.0)]
@@ -118,6 +155,11 @@ def test_limits_by_hand():
     assert np.isinf(got.accept[1]) and got.expected[1] == 0  # no candidate
     few = box_limits(found, shown, 2, TeacherRules(share=0.5), expected=np.array([2.0, 0.0]))
     assert few.accept[0] == pytest.approx(0.6) and few.expected.tolist() == [2.0, 0.0]
+    most = box_limits(found, shown, 2, TeacherRules(share=0.5), most=np.array([1.5, 9.0]))
+    assert most.expected.tolist() == [1.5, 0.0] and most.accept[0] == pytest.approx(0.6)
+    assert (
+        box_limits(found, shown, 2, TeacherRules(share=0.5), most=np.array([9.0, 9.0])).expected[0] == got.expected[0]
+    )
 
 
 def test_a_class_that_the_network_does_not_recognise_waits():
