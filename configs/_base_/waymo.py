@@ -71,12 +71,12 @@ demo = dict(
     num_seeds=1024,
     num_proposals=256,
     hidden=64,
-    rounds=10,
+    rounds=14,
     sigma=4,
     warm_up_rounds=6,  # 24 epochs with the first labels
-    periods=[40],
+    periods=[56],
     restart_weights=[1],
     batch_size=2,
     learning_rate=2e-3,
-    val_rounds=10,
+    val_rounds=14,
 )
