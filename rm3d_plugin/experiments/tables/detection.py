@@ -11,19 +11,24 @@ GROUPS: dict[str, Any] = {'teacher': None}
 GEOMETRY: dict[str, Any] = {'pseudo_geometry': 1.0}
 MEAN_TEACHER: dict[str, Any] = {'labels_from': 'teacher', 'method_hook': '${mean_teacher}'}
 ONE_VIEW: dict[str, Any] = {'tta_views': None}
+AS_IT_COMES: dict[str, Any] = ONE_VIEW | {'score_by_points': False, 'on_ground': False}
 MECHANISMS = Table(
     title=f'{KITTI.title}; mechanism by mechanism',
     rows=(
         Row('labelled boxes alone, one view', ALONE, ONE_VIEW),
         Row('labelled boxes alone', ALONE),
-        Row('RM3D as in the paper', LEAF, {'strategy': 'paper'} | GEOMETRY | ONE_VIEW),
+        Row('RM3D as in the paper', LEAF, {'strategy': 'paper'} | GEOMETRY | AS_IT_COMES),
         Row('groups of regions become boxes, and teach where boxes lie', LEAF, GROUPS | GEOMETRY),
         Row('groups of regions become boxes', LEAF, GROUPS),
         Row('predicted boxes become boxes (the default)', LEAF),
         Row('default, one view', LEAF, ONE_VIEW),
+        Row('default, scores do not ask the points', LEAF, {'score_by_points': False}),
+        Row('default, boxes as high as they are predicted', LEAF, {'on_ground': False}),
         Row('default, they teach where boxes lie', LEAF, GEOMETRY),
         Row('default, also of classes that are not recognised', LEAF, {'predicted_boxes': {'recognised': 0.0}}),
         Row('default, whatever is above them', LEAF, {'predicted_boxes': {'free_above': 0.0}}),
+        Row('default, of any height', LEAF, {'predicted_boxes': {'top': 0.0}}),
+        Row('default, never more than are expected at first', LEAF, {'predicted_boxes': {'growth': 1.0}}),
         Row('default, boxes around instances of classes and votes', LEAF, {'predicted_boxes': {'source': 'instances'}}),
         Row('default, labels by a running mean of the network', LEAF, MEAN_TEACHER),
         Row('default + IoU head', LEAF, IOU),

@@ -45,6 +45,7 @@ RULES = {
     'the same, of classes whose annotated objects are recognised (the default)': Rule({'teacher': {}}),
     'boxes around the instances of points and votes': Rule({'teacher': {'source': 'instances'}}),
     'the default, whatever is above': Rule({'teacher': {'free_above': 0.0}}),
+    'the default, of any height': Rule({'teacher': {'top': 0.0}}),
     'the default, from half of the usual score on': Rule({'teacher': {'share': 0.5}}),
 }
 
