@@ -135,8 +135,11 @@ class DetectionLabelMaker(LabelMaker):
         return self._class_counts
 
     def statistics(self) -> LabelStatistics:
-        """Counts and sizes of the annotated boxes."""
-        return LabelStatistics(self.class_counts, self.mean_sizes if np.isfinite(self.mean_sizes).all() else None)
+        """Counts and sizes of the annotated boxes, and whether predicted boxes made the labels in use."""
+        teacher = self.rules.teacher
+        judged = teacher is not None and teacher.ignore_unknown and bool(self.store.current_round())
+        sizes = self.mean_sizes if np.isfinite(self.mean_sizes).all() else None
+        return LabelStatistics(self.class_counts, sizes, judged)
 
     # ------------------------------------------------------------------ labels
 

@@ -8,12 +8,14 @@ from jaxtyping import Float, Int
 
 @dataclass(frozen=True, eq=False)
 class LabelStatistics:
-    """What a label maker tells a model once, at the start of training.
+    """What a label maker tells a model at the start of training and of each round.
 
     Attributes:
         class_counts: (C,) annotated labels of each class: points in segmentation, boxes in detection.
         mean_sizes: (C, 3) length, width and height of each class in metres; None where they are not known for every
             class, as in segmentation.
+        judged: Whether the labels in use heard what a network predicted of every place, so that what is unknown in
+            them is doubtful, and no longer likely background.
 
     Raises:
         ValueError: A count is negative, a size is not a positive length, or both speak of different classes.
@@ -21,6 +23,7 @@ class LabelStatistics:
 
     class_counts: Int[np.ndarray, ' classes']
     mean_sizes: Float[np.ndarray, 'classes 3'] | None = None
+    judged: bool = False
 
     def __post_init__(self) -> None:
         if self.class_counts.ndim != 1 or (self.class_counts < 0).any():

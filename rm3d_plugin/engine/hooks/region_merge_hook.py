@@ -67,6 +67,7 @@ class RegionMergeHook(Hook):
         self.seconds = 0.0
         self.times: RoundTimes
         self._predicting = Seconds()
+        self._told: int | None = None  # the round whose statistics the model has
         self._epoch = Stopwatch()
         self.label_maker: LabelMaker = TASK_UTILS.build(label_maker) if isinstance(label_maker, dict) else label_maker
 
@@ -113,6 +114,9 @@ class RegionMergeHook(Hook):
         barrier()
         self.label_maker.use(number)
         barrier()  # nobody reads labels before the main process has said which
+        if number != self._told:
+            self._tell_model(runner.model)
+            self._told = number
         self._epoch = Stopwatch()
 
     def after_train_epoch(self, runner: Runner) -> None:
@@ -210,8 +214,8 @@ def _check_project(runner: Runner) -> None:
     model = _unwrapped(runner.model)
     if not hasattr(model, 'set_label_statistics'):
         raise ConfigError(
-            f'RegionMergeHook: {type(model).__name__} has no set_label_statistics(statistics), which is told once what '
-            'the annotated labels say as a whole; add it to the model (it may do nothing)'
+            f'RegionMergeHook: {type(model).__name__} has no set_label_statistics(statistics), which is told what the '
+            'annotated labels say as a whole; add it to the model (it may do nothing)'
         )
 
 

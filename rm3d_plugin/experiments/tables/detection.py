@@ -29,6 +29,11 @@ MECHANISMS = Table(
         Row('default, whatever is above them', LEAF, {'predicted_boxes': {'free_above': 0.0}}),
         Row('default, of any height', LEAF, {'predicted_boxes': {'top': 0.0}}),
         Row('default, never more than are expected at first', LEAF, {'predicted_boxes': {'growth': 1.0}}),
+        Row(
+            'default, what is unknown counts as background in part in all rounds',
+            LEAF,
+            {'predicted_boxes': {'ignore_unknown': False}},
+        ),
         Row('default, boxes around instances of classes and votes', LEAF, {'predicted_boxes': {'source': 'instances'}}),
         Row('default, labels by a running mean of the network', LEAF, MEAN_TEACHER),
         Row('default + IoU head', LEAF, IOU),

@@ -87,6 +87,7 @@ class VoteHead(BaseModule):
     mean_sizes: Tensor
     near: Tensor
     far: Tensor
+    judged = False  # as LabelStatistics has it; then unlabelled_weight is not asked
 
     def __init__(
         self,
@@ -194,6 +195,7 @@ class VoteHead(BaseModule):
 
     def targets(self, output: VoteOutput, labels: BatchLabels) -> ProposalTargets:
         """Assignment of the proposals to the boxes of their scenes."""
-        known = known_share(output.members, labels, self.num_classes, self.unlabelled_weight)
+        unlabelled = 0.0 if self.judged else self.unlabelled_weight
+        known = known_share(output.members, labels, self.num_classes, unlabelled)
         distances = box_distances(output.anchors, output.anchor_offsets, labels)
         return proposal_targets(distances, known, labels, self.near, self.far, self.mean_sizes, self.heading_bins)

@@ -88,10 +88,13 @@ class PointCrossEntropyLoss(ReducedLoss):
 
     Args:
         loss_weight: Factor of the loss.
-        unlabelled_weight: Weight of a point without a label as background; 0 ignores it.
+        unlabelled_weight: Weight of a point without a label as background, until a model is told that the labels judged
+            every place (``judged``); 0 ignores it.
         reduction: 'mean' over the weights, 'sum' or 'none' of the points.
         ignore_index: A further label that means unlabelled, besides -1: ``num_classes`` in mmdetection3d.
     """
+
+    judged = False  # as LabelStatistics has it
 
     def __init__(
         self,
@@ -124,5 +127,6 @@ class PointCrossEntropyLoss(ReducedLoss):
         """
         ignored = self.ignore_index if ignore_index is None else ignore_index
         known = labels if ignored is None else labels.masked_fill(labels == ignored, UNLABELLED)
-        each = weighted_cross_entropy(logits, known, class_weights, self.unlabelled_weight, point_weights)
+        unlabelled = 0.0 if self.judged else self.unlabelled_weight
+        each = weighted_cross_entropy(logits, known, class_weights, unlabelled, point_weights)
         return self.weighted(each.loss, avg_factor, each.weight.sum().clamp_min(_EPS))

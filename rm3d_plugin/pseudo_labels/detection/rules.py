@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 from rm3d_plugin.pseudo_labels.common.self_training import SelfTrainingRules
 from rm3d_plugin.pseudo_labels.common.strategy import Strategy, is_paper, optional_rules, with_gamma
 from rm3d_plugin.regions import MergeRules
-from rm3d_plugin.structures.check_field import check_choice, check_field
+from rm3d_plugin.structures.check_field import check_choice, check_field, check_switches
 
 BoxKind = Literal['completed', 'tight', 'axis_aligned']
 Proposed = Literal['boxes', 'instances']
@@ -107,6 +107,8 @@ class TeacherRules:
         refit: The class's usual box is fitted to the points of an accepted box, and takes its place.
         background: Probability from which the network makes a point background that lies in no candidate's box. None:
             geometry alone makes background.
+        ignore_unknown: Once the network was asked, what is unknown is ignored in training; False: it goes on to count
+            as background in part (``unlabelled_weight``), hidden objects with it.
     """
 
     source: Proposed = 'boxes'
@@ -120,9 +122,11 @@ class TeacherRules:
     max_iou: float = 0.1
     refit: bool = False
     background: float | None = 0.95
+    ignore_unknown: bool = True
 
     def __post_init__(self) -> None:
         check_choice(self, 'source', get_args(Proposed))
+        check_switches(self, 'refit', 'ignore_unknown')
         check_field(self, 'share', 0 < self.share <= 1, 'a share in (0, 1]')
         check_field(self, 'recognised', 0 <= self.recognised <= 1, 'a probability')
         check_field(self, 'size_ratio', self.size_ratio >= 1, 'at least 1')

@@ -217,6 +217,25 @@ def test_with_the_sparse_unet(world):
     assert samples[0].pred_bboxes_3d.isfinite().all()
 
 
+def test_once_labels_judged_every_place_what_is_unknown_is_ignored(world):
+    losses = [
+        dict(type='VoteNetLoss'),
+        dict(type='WeakSupervision', loss=dict(type='PointCrossEntropyLoss', unlabelled_weight=0.1)),
+    ]
+    model = build(world.config(head=dict(unlabelled_weight=0.1), losses=losses))
+    names = ('loss_objectness', 'loss_wsl')
+
+    def told(judged):
+        model.set_label_statistics(LabelStatistics(np.array([1, 2, 3]), judged=judged))
+        values = losses_of(model, [nothing_known(world.make_scene(0))])
+        return [float(values[name].detach()) for name in names]
+
+    first = told(False)
+    assert min(first) > 0
+    assert told(True) == [0.0, 0.0]
+    assert told(False) == first
+
+
 def test_predicted_boxes_stand_on_the_ground_where_it_is_known_and_that_is_asked(world):
     model = build(world.config() | {'on_ground': True, 'score_threshold': 0.0}).eval()
     item = world.make_scene(0)
