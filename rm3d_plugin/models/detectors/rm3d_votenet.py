@@ -119,7 +119,7 @@ class RM3DVoteNet(PointModel):
         self.add_losses(detection_losses(num_classes) if losses is None else losses, given)
 
     def set_label_statistics(self, statistics: LabelStatistics) -> None:
-        """The sizes of the annotated boxes become the size templates, where they are known; what is unknown may be open."""
+        """The sizes of the annotated boxes become the size templates, where known; what is unknown may be open."""
         for part in self.modules():
             if hasattr(part, 'unlabelled_weight'):
                 part.judged = statistics.judged
