@@ -102,19 +102,15 @@ def teacher_candidates(
     boxes = left(boxes, _points_of(xyz[~background], boxes.tensor) >= rules.min_points, 'points')
     held, above = (_points_of(*of) for of in ((xyz[~background], boxes.tensor), (xyz, boxes_above(boxes.tensor))))
     boxes = left(boxes, held >= rules.free_above * (held + above), 'above')
-    if height is None or not rules.top:
+    if height is None:
         return Candidates(boxes, np.zeros(len(xyz), dtype=bool), steps, shown)
     owner = points_in_boxes(xyz, boxes.tensor)
-    reach = box_reach(height, owner, len(boxes))
-    least, greatest = rules.top * ranges[:, 0, 2], ranges[:, 1, 2] / rules.top
-    low = reach.top + reach.gap < least[:, None]  # (C, boxes)
-    high = reach.top > greatest[:, None]
-    none = (low | high | np.isnan(least)[:, None]).all(axis=0)  # what is no object of any class
-    of_class = boxes.labels, np.arange(len(boxes))
-    empty = (owner >= 0) & np.append(none, False)[owner]
-    wrong_height = {'low': low[of_class], 'high': high[of_class] & ~low[of_class]}
-    steps |= {step: np.bincount(boxes.labels[lost], minlength=len(ranges)) for step, lost in wrong_height.items()}
-    return Candidates(boxes.select(~(low | high)[of_class]), empty, steps, shown)
+    low, high = wrong_heights(box_reach(height, owner, len(boxes)), ranges[:, :, 2], rules.top)
+    nothing = (low | high).all(axis=0)  # it has the height of no class
+    own = boxes.labels, np.arange(len(boxes))
+    boxes = left(boxes, ~low[own], 'low')
+    boxes = left(boxes, ~high[own][~low[own]], 'high')
+    return Candidates(boxes, (owner >= 0) & np.append(nothing, False)[owner], steps, shown)
 
 
 class BoxReach(NamedTuple):
@@ -144,6 +140,21 @@ def box_reach(height: Float[np.ndarray, ' points'], owner: Int[np.ndarray, ' poi
     np.maximum.at(top, of, up)
     np.maximum.at(gap, of[1:], np.where(of[1:] == of[:-1], np.diff(up), 0.0))
     return BoxReach(top, gap)
+
+
+def wrong_heights(
+    reach: BoxReach, ranges: Float[np.ndarray, 'classes 2'], share: float
+) -> tuple[Bool[np.ndarray, 'classes boxes'], Bool[np.ndarray, 'classes boxes']]:
+    """Which boxes are too low, and which too high, for an object of each class.
+
+    Args:
+        reach: How far up their points reach.
+        ranges: Least and greatest height of annotated boxes, metres; NaN: nothing is of the class.
+        share: :attr:`TeacherRules.top`.
+    """
+    least, greatest = ranges[:, :1], ranges[:, 1:]
+    with np.errstate(divide='ignore'):
+        return ~(reach.top + reach.gap >= share * least), reach.top > greatest / share
 
 
 def boxes_above(boxes: Float[np.ndarray, 'boxes 7'], height: float = ABOVE) -> Float[np.ndarray, 'boxes 7']:
