@@ -31,7 +31,13 @@ from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes, size_ranges
 from rm3d_plugin.pseudo_labels.detection.instances import agreement, predicted_instances
 from rm3d_plugin.pseudo_labels.detection.objects import most_boxes, score_limits
 from rm3d_plugin.pseudo_labels.detection.refresh import find_candidates
-from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits, box_limits, expected_from_whole, joined_shown
+from rm3d_plugin.pseudo_labels.detection.teacher import (
+    BoxLimits,
+    box_limits,
+    expected_from_whole,
+    joined_shown,
+    most_expected,
+)
 from rm3d_plugin.registry import TASK_UTILS
 from rm3d_plugin.structures import Boxes3D, LabelStatistics, PointCloud, Regions
 
@@ -207,8 +213,7 @@ class DetectionLabelMaker(LabelMaker):
         """So many times what the last round with predictions expected; None: there was none."""
         if number < 2:
             return None
-        told = [row.get('expected') for row in self.store.summary(number - 1)['boxes'].values()]
-        return None if None in told else np.maximum(growth * np.array(told, dtype=np.float64), 1.0)
+        return most_expected([row.get('expected') for row in self.store.summary(number - 1)['boxes'].values()], growth)
 
     def _most(self, number: int) -> Float[np.ndarray, ' classes']:
         """See :func:`most_boxes`."""

@@ -271,6 +271,15 @@ def expected_from_whole(
     return np.mean(counts, axis=0) * others if len(counts) else None
 
 
+def most_expected(told: Sequence[float | None], growth: float) -> Float[np.ndarray, ' classes'] | None:
+    """So many times the objects of each class that the last round expected, at least one; None: nobody expected any.
+
+    >>> most_expected([20.0, 0.0], 2.0)
+    array([40.,  1.])
+    """
+    return None if None in told else np.maximum(growth * np.array(told, dtype=np.float64), 1.0)
+
+
 def teacher_objects(
     xyz: Float[np.ndarray, 'points 3'], candidates: Candidates, limits: BoxLimits, num_classes: int
 ) -> Objects:
