@@ -119,7 +119,7 @@ model = dict(
     tta_views='${tta_views}',
 )
 on_ground = False  # predicted boxes stand on the ground; streets have it on
-score_by_points = True  # scores of boxes also ask the classes of their points
+score_by_points = False  # scores of boxes also ask the classes of their points; streets have it on
 tta_views = [[False, 0.0], [True, 0.0]]  # at test time: mirrored, turned by so many radians; None: as scanned alone
 
 iou_head = None  # '${box_iou_head}', with iou_loss='${box_overlap}': scores are multiplied by how well a box fits
@@ -140,7 +140,7 @@ method_loss = None  # of a compared method
 method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
 labels_from = 'network'  # whose predictions make labels; 'teacher': its running mean (method_hook='${mean_teacher}')
 mean_teacher = dict(type='EMATeacherHook', momentum=0.99)
-aug_prob = 0.25  # share of scenes with a second view for L_Aug; 1, as the paper has it: a step costs half more
+aug_prob = 1.0  # share of scenes with a second view for L_Aug; .25, as streets have it: a step costs a third less
 pseudo_geometry = 1.0  # how far pseudo boxes teach where a box lies; 0: annotated ones alone do
 vote_loss = dict(type='VoteNetLoss', loss_weight=10.0, pseudo_geometry='${pseudo_geometry}')
 point_loss = dict(

@@ -60,9 +60,9 @@ demo = dict(
     rounds=10,
     sigma=4,
     warm_up_rounds=6,  # 24 epochs with the first labels
-    periods=[40],
-    restart_weights=[1],
-    batch_size=2,
+    periods=[24, 4, 4, 4, 4],
+    restart_weights=[1, 1, 1, 1, 1],
+    batch_size=4,
     learning_rate=2e-3,
     val_rounds=10,
 )
