@@ -140,7 +140,7 @@ method_loss = None  # of a compared method
 method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
 labels_from = 'network'  # whose predictions make labels; 'teacher': its running mean (method_hook='${mean_teacher}')
 mean_teacher = dict(type='EMATeacherHook', momentum=0.99)
-aug_prob = 1.0  # share of scenes with a second view for L_Aug; .25, as streets have it: a step costs a third less
+aug_prob = 1.0  # share of scenes with a second view for L_Aug; smaller, as streets have it: faster
 pseudo_geometry = 1.0  # how far pseudo boxes teach where a box lies; 0: annotated ones alone do
 vote_loss = dict(type='VoteNetLoss', loss_weight=10.0, pseudo_geometry='${pseudo_geometry}')
 point_loss = dict(
