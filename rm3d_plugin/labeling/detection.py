@@ -213,7 +213,10 @@ class DetectionLabelMaker(LabelMaker):
         """So many times what the last round with predictions expected; None: there was none."""
         if number < 2:
             return None
-        return most_expected([row.get('expected') for row in self.store.summary(number - 1)['boxes'].values()], growth)
+        rows = self.store.summary(number - 1)['boxes'].values()
+        if any('expected' not in row for row in rows):
+            return None
+        return most_expected([row['expected'] for row in rows], [row['pseudo'] for row in rows], growth)
 
     def _most(self, number: int) -> Float[np.ndarray, ' classes']:
         """See :func:`most_boxes`."""

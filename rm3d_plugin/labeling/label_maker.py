@@ -60,7 +60,7 @@ class LabelMaker(ABC):
 
     @abstractmethod
     def statistics(self) -> LabelStatistics:
-        """What the model is told of the annotated labels."""
+        """What the model is told of the annotated labels, and of those in use."""
 
     @abstractmethod
     def make_labels(self, number: int, scene_id: str, prediction: PointPrediction | None) -> SceneLabels:

@@ -83,7 +83,7 @@ class PointModel(BaseModel):
 
     @abstractmethod
     def set_label_statistics(self, statistics: LabelStatistics) -> None:
-        """Tell the model what the annotated labels of the whole training set say; kept in checkpoints."""
+        """Tell the model what the labels of the training set say as a whole; checkpoints keep counts and sizes."""
 
     @final
     def add_losses(self, configs: LossConfigs, given: set[str]) -> None:

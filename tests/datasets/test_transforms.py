@@ -154,7 +154,10 @@ def test_ground_goes_objects_stay():
     results = {'points': np.c_[xyz, xyz[:, 0]].astype(np.float32), 'point_index': np.arange(len(xyz))}
     kept = DropGround()(results)
     assert kept['point_index'].tolist() == list(range(4000, 4030))
-    np.testing.assert_allclose(kept['height'], post[:, 2], atol=0.05)
+    np.testing.assert_allclose(kept['ground_height'], post[:, 2], atol=0.05)
+    larger = GlobalRotScale(rot=(0.5, 0.5), scale=(1.1, 1.1))(kept | {'rng': rng})
+    packed = pack_scene(larger | {'scene_id': 'a', 'num_points': len(xyz)})['data_samples']
+    np.testing.assert_allclose(packed.pts_height.numpy(), 1.1 * post[:, 2], atol=0.06)
     np.testing.assert_array_equal(kept['points'], results['points'][4000:])
 
 

@@ -26,6 +26,8 @@ class CountingLabelMaker:
     def __init__(self, finished: tuple[int, ...] = ()) -> None:
         self.events: list[tuple[Any, ...]] = []
         self.finished = set(finished)
+        self.in_use: int | None = None
+        self.told: list[int | None] = []  # the round in use whenever a model was told of the labels
         self.predictions: list[Any] = []
         self.source = SimpleNamespace(extends=lambda number: number in self.extending, grown=False)
         self.store = SimpleNamespace(forget_rounds=lambda first: self.events.append(('forget', first)))
@@ -39,6 +41,7 @@ class CountingLabelMaker:
         self.events.append(('first',))
 
     def statistics(self):
+        self.told.append(self.in_use)
         return LabelStatistics(np.array([3, 1]))
 
     def extend_budget(self, number, predictions):
@@ -69,6 +72,7 @@ class CountingLabelMaker:
         self.finished.add(number)
 
     def use(self, number):
+        self.in_use = number
         self.events.append(('use', number))
 
 
@@ -125,6 +129,7 @@ def test_every_interval_epochs_a_new_round_until_there_are_enough():
     asked = epochs(hook, label_maker, 0, 8)
     kept = [[('use', 2)]] * 3
     assert asked == [[('use', 0)]] * 2 + [refreshed(1), [('use', 1)], refreshed(2), *kept]
+    assert label_maker.told == [None, 0, 1, 2], 'a model is told at the start, and once a round is in use'
     assert hook.seconds > 0
     assert [row.round for row in hook.times.rounds()] == [0, 1, 2]
     assert [entry['round'] for entry in read_json('timing.json')['epochs'].values()] == [0, 0, 1, 1, 2, 2, 2, 2]

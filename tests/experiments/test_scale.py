@@ -46,7 +46,7 @@ def test_what_a_smaller_run_is():
         'sigma': 2,
         'periods': [8],
     }
-    assert sized(STREETS, half)['periods'] == [12, 2, 2, 2, 2]  # ten rounds of two epochs
+    assert sized(STREETS, half)['periods'] == [28]  # fourteen rounds of two epochs
     assert sized(OTHER, half)['demo_data.rooms_per_area'] == 1
     assert size_of(ROOMS, Scale(1.0, 1.0, 1)) == Size(72, 20, 4)
     assert size_of(ROOMS, half) == Size(18, 8, 4)

@@ -115,4 +115,6 @@ class GlobalRotScale:
         """Draw, then move."""
         _refuse_view(results)
         angle, scale = results['rng'].uniform(*self.rot), results['rng'].uniform(*self.scale)
+        if 'ground_height' in results:
+            results = results | {'ground_height': results['ground_height'] * np.float32(scale)}
         return _apply(results, rotate_scale(results['points'], _boxes(results), angle, scale))

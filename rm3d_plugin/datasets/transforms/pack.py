@@ -19,7 +19,7 @@ _FIELDS = {
     'is_annotated': ('pts_is_annotated', np.bool_),
     'confidence': ('pts_confidence', np.float32),
     'region': ('pts_region', np.int64),
-    'height': ('pts_height', np.float32),
+    'ground_height': ('pts_height', np.float32),
 }
 
 

@@ -119,6 +119,7 @@ def paste(results: dict[str, Any], item: LabelledObject) -> dict[str, Any]:
         'is_annotated': np.full(n, item.annotated),
         'confidence': np.ones(n, dtype=np.float32),
         'is_ground': np.zeros(n, dtype=bool),
+        'ground_height': item.points[:, 2] - (item.box[2] - item.box[5] / 2),
     }
     out = results | {name: np.concatenate([results[name], new[name]]) for name in POINT_FIELDS if name in results}
     out['boxes'] = np.concatenate([results['boxes'], item.box[None]])

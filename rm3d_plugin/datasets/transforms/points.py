@@ -11,7 +11,8 @@ from rm3d_plugin.registry import TRANSFORMS
 Shape = Literal['sphere', 'column', 'box']
 # arrays with one row a point
 POINT_FIELDS = (
-    'points', 'point_index', 'semantic', 'instance', 'is_annotated', 'confidence', 'is_ground', 'height', 'region',
+    'points', 'point_index', 'semantic', 'instance', 'is_annotated', 'confidence', 'is_ground', 'ground_height',
+    'region',
 )  # fmt: skip
 
 
@@ -82,7 +83,7 @@ class LimitPoints:
 class DropGround:
     """Drop ground points (METHOD 7: outdoors, ground dropped); ``point_index`` tells which stay.
 
-    Those that stay keep their ``height`` in metres above the ground, where no earlier transform segmented it.
+    Those that stay keep their ``ground_height``, metres above the ground, where no earlier transform segmented it.
     A scene that is nothing but ground keeps all its points, since a network cannot take an empty one.
 
     Args:
@@ -101,5 +102,5 @@ class DropGround:
         ground = results.get('is_ground')
         if ground is None:
             ground, height = segment_ground(results['points'][:, :3], iterations=self.iterations, **self.options)
-            results = results | {'height': height}
+            results = results | {'ground_height': height}
         return results if ground.all() else select_points(results, ~ground)

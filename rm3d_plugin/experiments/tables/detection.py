@@ -11,7 +11,7 @@ GROUPS: dict[str, Any] = {'teacher': None}
 GEOMETRY: dict[str, Any] = {'pseudo_geometry': 1.0}
 MEAN_TEACHER: dict[str, Any] = {'labels_from': 'teacher', 'method_hook': '${mean_teacher}'}
 ONE_VIEW: dict[str, Any] = {'tta_views': None}
-AS_IT_COMES: dict[str, Any] = ONE_VIEW | {'score_by_points': False, 'on_ground': False}
+AS_IT_COMES: dict[str, Any] = ONE_VIEW | {'score_by_points': False, 'on_ground': False, 'aug_prob': 1.0}
 MECHANISMS = Table(
     title=f'{KITTI.title}; mechanism by mechanism',
     rows=(
@@ -28,7 +28,7 @@ MECHANISMS = Table(
         Row('default, also of classes that are not recognised', LEAF, {'predicted_boxes': {'recognised': 0.0}}),
         Row('default, whatever is above them', LEAF, {'predicted_boxes': {'free_above': 0.0}}),
         Row('default, of any height', LEAF, {'predicted_boxes': {'top': 0.0}}),
-        Row('default, never more than are expected at first', LEAF, {'predicted_boxes': {'growth': 1.0}}),
+        Row('default, never more than in the round before', LEAF, {'predicted_boxes': {'growth': 1.0}}),
         Row(
             'default, what is unknown counts as background in part in all rounds',
             LEAF,
@@ -37,7 +37,7 @@ MECHANISMS = Table(
         Row('default, boxes around instances of classes and votes', LEAF, {'predicted_boxes': {'source': 'instances'}}),
         Row('default, labels by a running mean of the network', LEAF, MEAN_TEACHER),
         Row('default + IoU head', LEAF, IOU),
-        Row('default + reliable background alone', LEAF, {'unlabelled_weight': 0.0}),
+        Row('default + reliable background alone, from the start', LEAF, {'unlabelled_weight': 0.0}),
         Row('default + boxes fitted to the points', LEAF, {'predicted_boxes': {'refit': True}}),
         Row('default + prototypes', LEAF, {'prototype_loss': '${class_prototypes}'}),
         Row('default + pasting of accepted objects', LEAF, {'paste_accepted': True}),

@@ -97,7 +97,7 @@ class TeacherRules:
         free_above: Share that the points in a box have at least among these and all in the metre over it: objects end,
             poles, trunks and bushes go on. 0: never asked.
         top: Share of the height of the lowest annotated box of the class that the points of a box must reach above the
-            ground, the widest gap between them in height included, since beams may pass just over an object; nor may
+            ground, the widest gap in height between them included, since beams may pass just over an object; nor may
             they be higher than the highest annotated box over this share. What has no class's height is background.
             0: never asked.
         growth: A round may expect so many times the objects of a class that the last one did. A network that learnt
@@ -133,7 +133,7 @@ class TeacherRules:
         check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
         check_field(self, 'free_above', 0 <= self.free_above <= 1, 'a share in [0, 1]')
         check_field(self, 'top', 0 <= self.top <= 1, 'a share in [0, 1]')
-        check_field(self, 'growth', self.growth > 0, 'more than 0')
+        check_field(self, 'growth', self.growth >= 1, 'at least 1')
         check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
         sure = self.background
         check_field(self, 'background', sure is None or 0 < sure <= 1, 'a probability in (0, 1], or None')

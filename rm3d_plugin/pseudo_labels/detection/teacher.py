@@ -56,7 +56,8 @@ class Candidates(NamedTuple):
 
     Attributes:
         boxes: With scores, none in the place of another or of an annotated one.
-        empty: (N,) points in boxes that are too low or too high for an object of any class.
+        empty: (N,) points in boxes that are too low or too high for an object of any class; none where the size of a
+            class is not known.
         steps: As :class:`~rm3d_plugin.pseudo_labels.detection.objects.Objects` has them.
         shown: What the network says of the scene's annotated objects.
     """
@@ -102,11 +103,11 @@ def teacher_candidates(
     boxes = left(boxes, _points_of(xyz[~background], boxes.tensor) >= rules.min_points, 'points')
     held, above = (_points_of(*of) for of in ((xyz[~background], boxes.tensor), (xyz, boxes_above(boxes.tensor))))
     boxes = left(boxes, held >= rules.free_above * (held + above), 'above')
-    if height is None:
+    if height is None or not rules.top:
         return Candidates(boxes, np.zeros(len(xyz), dtype=bool), steps, shown)
     owner = points_in_boxes(xyz, boxes.tensor)
     low, high = wrong_heights(box_reach(height, owner, len(boxes)), ranges[:, :, 2], rules.top)
-    nothing = (low | high).all(axis=0)  # it has the height of no class
+    nothing = (low | high).all(axis=0) & np.isfinite(ranges).all()  # it has the height of no class, and all are known
     own = boxes.labels, np.arange(len(boxes))
     boxes = left(boxes, ~low[own], 'low')
     boxes = left(boxes, ~high[own][~low[own]], 'high')
@@ -118,7 +119,8 @@ class BoxReach(NamedTuple):
 
     Attributes:
         top: (M,) metres above the ground of the highest point, minus infinity without any.
-        gap: (M,) metres, the widest gap between two points in height: what is higher by less may have been missed.
+        gap: (M,) metres, the widest gap between two points in height, those of the ground among them: what is higher by
+            less may have been missed.
     """
 
     top: Float[np.ndarray, ' boxes']
@@ -150,11 +152,10 @@ def wrong_heights(
     Args:
         reach: How far up their points reach.
         ranges: Least and greatest height of annotated boxes, metres; NaN: nothing is of the class.
-        share: :attr:`TeacherRules.top`.
+        share: :attr:`TeacherRules.top`, above 0.
     """
     least, greatest = ranges[:, :1], ranges[:, 1:]
-    with np.errstate(divide='ignore'):
-        return ~(reach.top + reach.gap >= share * least), reach.top > greatest / share
+    return ~(reach.top + reach.gap >= share * least), reach.top > greatest / share
 
 
 def boxes_above(boxes: Float[np.ndarray, 'boxes 7'], height: float = ABOVE) -> Float[np.ndarray, 'boxes 7']:
@@ -271,13 +272,18 @@ def expected_from_whole(
     return np.mean(counts, axis=0) * others if len(counts) else None
 
 
-def most_expected(told: Sequence[float | None], growth: float) -> Float[np.ndarray, ' classes'] | None:
-    """So many times the objects of each class that the last round expected, at least one; None: nobody expected any.
+def most_expected(told: Sequence[float], found: Sequence[int], growth: float) -> Float[np.ndarray, ' classes']:
+    """How many objects of each class a round may expect: any number where the last had no pseudo box.
 
-    >>> most_expected([20.0, 0.0], 2.0)
-    array([40.,  1.])
+    Args:
+        told: (C,) objects that the last round expected.
+        found: (C,) pseudo boxes that it had.
+        growth: :attr:`TeacherRules.growth`.
+
+    >>> most_expected([20.0, 90.0], [20, 0], 2.0)
+    array([40., inf])
     """
-    return None if None in told else np.maximum(growth * np.array(told, dtype=np.float64), 1.0)
+    return np.where(np.asarray(found) > 0, growth * np.asarray(told, dtype=np.float64), np.inf)
 
 
 def teacher_objects(

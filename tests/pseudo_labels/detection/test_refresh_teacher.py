@@ -64,6 +64,14 @@ def test_labels_by_hand():
     }  # fmt: skip
 
 
+def test_what_is_too_low_for_any_object_is_background():
+    inputs = scene()
+    inputs.geometry.cloud.xyz[27:36, 2] *= 0.5  # what the box at 40 holds ends at .73 m
+    got = refresh(inputs)
+    assert got.labels.semantic.tolist() == [0] * 27 + [1] * 17 and got.steps['low'].tolist() == [1]
+    assert (refresh(inputs, top=0.0).labels.semantic[27:36] == -1).all()
+
+
 def test_a_label_falls_again():
     first = refresh(scene())
     second = refresh(scene(first.labels, scores=(0.9, 0.4, 0.2)))

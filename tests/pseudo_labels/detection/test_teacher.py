@@ -177,7 +177,7 @@ def test_candidates_of_some_scenes_speak_for_all():
     assert got.expected[0] == pytest.approx(6.0) and got.accept[0] == pytest.approx(0.8)
     assert expected_from_whole([np.array([2, 0]), np.array([4, 1])], 10).tolist() == [30.0, 5.0]
     assert expected_from_whole([], 10) is None
-    assert most_expected([3.5, 0.2], 2.0).tolist() == [7.0, 1.0] and most_expected([3.5, None], 2.0) is None
+    assert most_expected([3.5, 90.0], [3, 0], 2.0).tolist() == [7.0, np.inf]
 
 
 def test_nothing_is_said_of_a_doubtful_place():

@@ -1,0 +1,50 @@
+"""What detectors of streets do that those of rooms do not."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rm3d_plugin.engine.config import load_config
+from rm3d_plugin.labeling.detection import DetectionLabelMaker
+from rm3d_plugin.pseudo_labels import detection_rules
+from rm3d_plugin.registry import MODELS
+
+
+@pytest.mark.parametrize(
+    ('leaf', 'streets'),
+    [('rm3d_votenet_kitti_1pct', True), ('rm3d_votenet_waymo_1pct', True), ('rm3d_votenet_scannet_1pct', False)],
+)
+def test_boxes_of_streets_stand_on_the_ground_and_ask_the_points(leaf, streets):
+    config = load_config(leaf)
+    model = MODELS.build(config.model)
+    assert (model.on_ground, model.score_by_points) == (streets, streets)
+    assert config.predicted_boxes.top == (0.95 if streets else 0.0)
+    rules = detection_rules(teacher=config.teacher)
+    assert (rules.teacher is not None) == streets
+    if streets:
+        assert (rules.teacher.top, rules.teacher.share, rules.teacher.ignore_unknown) == (0.95, 0.7, True)
+
+
+@pytest.mark.parametrize(
+    ('options', 'round_in_use', 'judged'),
+    [
+        ({}, None, False),
+        ({}, 0, False),
+        ({}, 1, True),
+        ({'predicted_boxes.ignore_unknown': False}, 1, False),
+        ({'teacher': None}, 1, False),
+    ],
+)
+def test_labels_judged_every_place_once_predicted_boxes_made_them(options, round_in_use, judged):
+    config = load_config('rm3d_votenet_kitti_1pct', options=options)
+    rules = detection_rules(teacher=config.teacher)
+    sizes = np.ones((3, 3))
+    maker = SimpleNamespace(
+        rules=rules,
+        store=SimpleNamespace(current_round=lambda: round_in_use),
+        class_counts=np.ones(3, int),
+        mean_sizes=sizes,
+    )
+    told = DetectionLabelMaker.statistics(maker)
+    assert told.judged == judged and told.mean_sizes is sizes
