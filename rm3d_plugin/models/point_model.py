@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any, Literal, final, get_args
 
 import torch
+from mmengine.dist import all_reduce
 from mmengine.model import BaseModel
 from mmengine.structures import BaseDataElement
 from torch import Tensor, nn
@@ -150,7 +151,7 @@ class PointModel(BaseModel):
             raise ValueError(f'mode: expected one of {get_args(Mode)}, got {mode!r}')
         batch = self.join(inputs)
         if mode == 'loss':
-            return self._loss(batch, _one_a_scene(data_samples or (), batch))
+            return self._loss(self._as_many_views(batch), _one_a_scene(data_samples or (), batch))
         if mode == 'predict':
             fresh = [SceneSample() for _ in batch.sizes]
             given = fresh if data_samples is None else _one_a_scene(data_samples, batch)
@@ -171,6 +172,18 @@ class PointModel(BaseModel):
         if wise is None:
             return batch
         return batch._replace(teacher=Teacher(partial(wise.network, batch), wise.encode, wise.classify))
+
+    @final
+    def _as_many_views(self, batch: Batch) -> Batch:
+        """As many views as any of the processes that train together has; the batch itself stands for those it lacks.
+
+        Statistics of normalisation are those of all processes, so all must see a view where one does.
+        """
+        most = torch.tensor(len(batch.views), device=batch.points.device)
+        all_reduce(most, 'max')
+        ids = torch.arange(len(batch.points), device=batch.points.device)
+        own = View(batch.points, batch.batch_offsets, ids, self._encode_view, self.classify)
+        return batch._replace(views=batch.views + (own,) * (int(most) - len(batch.views)))
 
     @final
     def _encode_view(self, points: Tensor, batch_offsets: Tensor) -> Tensor:

@@ -23,7 +23,7 @@ POINTS = {
 GPC = method(
     'gpc',
     'GPC',
-    {'sem': POINTS, 'ins': POINTS, 'votenet': {'aug_loss': None, 'method_loss': _loss(4)}},
+    {'sem': POINTS, 'ins': POINTS, 'votenet': {'aug_loss': None, 'aug_prob': 1.0, 'method_loss': _loss(4)}},
     declares=('second view',),
 )
 
