@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
 from rm3d_plugin.evaluation.functional import SceneTruth
+from rm3d_plugin.labeling.clusters import ClusterKnowledge
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
 from rm3d_plugin.labeling.round_summary import summarise_boxes, with_agreement, with_steps
@@ -104,6 +105,7 @@ class DetectionLabelMaker(LabelMaker):
         self._mean_sizes: Float[np.ndarray, 'classes 3'] | None = None
         self._size_ranges: Float[np.ndarray, 'classes 2 3'] | None = None
         self._class_counts: Int[np.ndarray, ' classes'] | None = None
+        self._clusters: ClusterKnowledge | None = None
 
     # ------------------------------------------------------------------ annotated labels
 
@@ -141,10 +143,11 @@ class DetectionLabelMaker(LabelMaker):
         return self._class_counts
 
     def statistics(self) -> LabelStatistics:
-        """Counts and sizes of the annotated boxes, and whether predicted boxes made the labels in use."""
-        teacher = self.rules.teacher
-        judged = teacher is not None and teacher.ignore_unknown and bool(self.store.current_round())
+        """Counts and sizes of the annotated boxes, and whether network or shapes judged every place of the labels."""
         sizes = self.mean_sizes if np.isfinite(self.mean_sizes).all() else None
+        teacher, judged = self.rules.teacher, False
+        if teacher is not None and teacher.ignore_unknown:
+            judged = bool(self.store.current_round()) or teacher.unlike > 0
         return LabelStatistics(self.class_counts, sizes, judged)
 
     # ------------------------------------------------------------------ labels
@@ -229,9 +232,21 @@ class DetectionLabelMaker(LabelMaker):
         return SceneInputs(self.scenes.get(scene_id), self.annotated(scene_id), prediction, previous)
 
     def _knowledge(self, scene_id: str, number: int = 0) -> ObjectKnowledge:
-        height = segment_ground(self.scenes.get(scene_id).cloud.xyz).height
+        cloud = self.scenes.get(scene_id).cloud
+        ground = segment_ground(cloud.xyz)
         limits = (self._limits, self._box_limits) if number else (None, None)
-        return ObjectKnowledge(self.mean_sizes, height, *limits, self.size_ranges)
+        clusters = self._cluster_knowledge().of(scene_id, ground) if self._uses_clusters else None
+        return ObjectKnowledge(self.mean_sizes, ground.height, *limits, self.size_ranges, clusters)
+
+    @property
+    def _uses_clusters(self) -> bool:
+        teacher = self.rules.teacher
+        return teacher is not None and (teacher.source == 'clusters' or teacher.unlike > 0)
+
+    def _cluster_knowledge(self) -> ClusterKnowledge:
+        if self._clusters is None:
+            self._clusters = ClusterKnowledge(list(self.index_of), self.scenes, self.annotated, self.mean_sizes)
+        return self._clusters
 
     def check(self, number: int, log: Log) -> None:
         """Nothing is kept aside."""

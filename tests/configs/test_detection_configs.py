@@ -19,24 +19,28 @@ def test_boxes_of_streets_stand_on_the_ground_and_ask_the_points(leaf, streets):
     config = load_config(leaf)
     model = MODELS.build(config.model)
     assert (model.on_ground, model.score_by_points) == (streets, streets)
-    assert config.predicted_boxes.top == (0.95 if streets else 0.0)
     rules = detection_rules(teacher=config.teacher)
     assert (rules.teacher is not None) == streets
     if streets:
-        assert (rules.teacher.top, rules.teacher.share, rules.teacher.ignore_unknown) == (0.95, 0.7, True)
+        assert (rules.teacher.top, rules.teacher.unlike, rules.teacher.share) == (0.95, 0.3, 0.7)
+    usual = detection_rules(teacher=config.predicted_boxes).teacher
+    assert usual.share == 0.7 and (usual.top > 0) == (usual.unlike > 0) == streets
 
 
 @pytest.mark.parametrize(
     ('options', 'round_in_use', 'judged'),
     [
-        ({}, None, False),
-        ({}, 0, False),
+        ({}, None, True),  # shapes tell from the start what is background
+        ({}, 0, True),
         ({}, 1, True),
+        ({'predicted_boxes.unlike': 0.0}, None, False),
+        ({'predicted_boxes.unlike': 0.0}, 0, False),
+        ({'predicted_boxes.unlike': 0.0}, 1, True),
         ({'predicted_boxes.ignore_unknown': False}, 1, False),
         ({'teacher': None}, 1, False),
     ],
 )
-def test_labels_judged_every_place_once_predicted_boxes_made_them(options, round_in_use, judged):
+def test_labels_judged_every_place_once_shapes_or_predicted_boxes_made_them(options, round_in_use, judged):
     config = load_config('rm3d_votenet_kitti_1pct', options=options)
     rules = detection_rules(teacher=config.teacher)
     sizes = np.ones((3, 3))

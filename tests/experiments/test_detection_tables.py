@@ -10,7 +10,7 @@ from rm3d_plugin.experiments.run_commands import config_path, option_texts, pars
 from rm3d_plugin.experiments.spec import Request
 from rm3d_plugin.experiments.tables.detection import MECHANISMS
 from rm3d_plugin.experiments.tables.pseudo_boxes import RULES, BoxCounts, fill_counts, trained_row
-from rm3d_plugin.labeling import DetectionLabelMaker
+from rm3d_plugin.pseudo_labels import TeacherRules, detection_rules
 
 
 @pytest.mark.parametrize('row', MECHANISMS.rows, ids=lambda row: row.name)
@@ -47,6 +47,8 @@ def test_real_frames_are_learnt_by_the_small_network():
                 | {'restart_weights': [1]})))  # fmt: skip
 
 
-def test_rules_are_fields_of_the_label_maker():
-    fields = inspect.signature(DetectionLabelMaker.__init__).parameters
-    assert all(set(rule.fields) <= set(fields) for rule in RULES.values())
+def test_rules_are_those_of_predicted_boxes():
+    fields = inspect.signature(TeacherRules).parameters
+    assert all(set(rule.teacher or {}) <= set(fields) for rule in RULES.values())
+    for rule in RULES.values():
+        detection_rules(teacher=rule.teacher)

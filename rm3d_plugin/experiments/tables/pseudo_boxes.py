@@ -31,22 +31,29 @@ HEADS = ('pseudo boxes', 'right', 'hidden')
 
 
 class Rule(NamedTuple):
-    """How labels are made: fields of the label maker that differ, and whether scenes are seen in all the test views."""
+    """How labels are made.
 
-    fields: Mapping[str, Any]
+    Attributes:
+        teacher: Rules of predicted boxes that differ from those of the run; None: groups of regions become boxes.
+        all_views: Whether scenes are seen in all the test views.
+    """
+
+    teacher: Mapping[str, Any] | None
     all_views: bool = True
 
 
 RULES = {
-    'groups of regions, best 40 % of each class, one view': Rule({'teacher': None}, all_views=False),
-    'groups of regions, all views': Rule({'teacher': None}),
-    'predicted boxes, one view': Rule({'teacher': {'recognised': 0.0}}, all_views=False),
-    'predicted boxes, all views': Rule({'teacher': {'recognised': 0.0}}),
-    'the same, of classes whose annotated objects are recognised (the default)': Rule({'teacher': {}}),
-    'boxes around the instances of points and votes': Rule({'teacher': {'source': 'instances'}}),
-    'the default, whatever is above': Rule({'teacher': {'free_above': 0.0}}),
-    'the default, of any height': Rule({'teacher': {'top': 0.0}}),
-    'the default, from half of the usual score on': Rule({'teacher': {'share': 0.5}}),
+    'groups of regions, best 40 % of each class, one view': Rule(None, all_views=False),
+    'groups of regions, all views': Rule(None),
+    'predicted boxes, one view': Rule({'recognised': 0.0}, all_views=False),
+    'predicted boxes, all views': Rule({'recognised': 0.0}),
+    'the same, of classes whose annotated objects are recognised (the default)': Rule({}),
+    'boxes around the instances of points and votes': Rule({'source': 'instances'}),
+    'boxes around clusters above the ground': Rule({'source': 'clusters'}),
+    'the default, whatever is above': Rule({'free_above': 0.0}),
+    'the default, of any height': Rule({'top': 0.0}),
+    'the default, of any shape': Rule({'unlike': 0.0}),
+    'the default, from half of the usual score on': Rule({'share': 0.5}),
 }
 
 
@@ -119,7 +126,8 @@ def summary_of_rule(
     """What the label maker says of the labels of round 1; nothing of the run is changed."""
     (hook,) = label_hooks(network.config, 'there are no labels to make')
     with tempfile.TemporaryDirectory() as store:
-        maker: LabelMaker = TASK_UTILS.build({**hook.label_maker, 'store': store, **rule.fields})
+        teacher = None if rule.teacher is None else {**(hook.label_maker.teacher or {}), **rule.teacher}
+        maker: LabelMaker = TASK_UTILS.build({**hook.label_maker, 'store': store, 'teacher': teacher})
         maker.source.open(folder / 'labels', resume=True)
         maker.make_first_labels()
         maker.store.finish_round(0)

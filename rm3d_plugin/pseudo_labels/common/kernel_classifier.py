@@ -78,7 +78,7 @@ class KernelClassifier(NamedTuple):
         """
         out = np.zeros((len(rows), count))
         for first in range(0, len(rows), _CHUNK):
-            near = _kernel(self.scaling.apply(rows[first : first + _CHUNK]), self.rows, self.length)
+            near = gaussian_kernel(self.scaling.apply(rows[first : first + _CHUNK]), self.rows, self.length)
             out[first : first + _CHUNK, self.classes] = _softmax(self.sharpness * (near @ self.weights))
         return out
 
@@ -107,7 +107,7 @@ def fit_kernel_classifier(
     counts, scaled = np.bincount(own), scaling.apply(rows)
     wanted = np.eye(len(said))[own] - 1.0 / len(said)
     noise = np.diag(NOISE * (counts / counts.max())[own])
-    inverse = _inverse(_kernel(scaled, scaled, length).astype(np.float64) + noise)
+    inverse = _inverse(gaussian_kernel(scaled, scaled, length).astype(np.float64) + noise)
     weights = inverse @ wanted
     left_out = wanted - weights / np.diag(inverse)[:, None]
     sharpness = max(SHARPNESS, key=lambda sharp: _balanced_likelihood(sharp * left_out, own, counts))
@@ -168,9 +168,10 @@ def _inverse(matrix: Float[np.ndarray, 'rows rows']) -> Float[np.ndarray, 'rows 
     return np.asarray(half + np.tril(half, -1).T)
 
 
-def _kernel(
+def gaussian_kernel(
     rows: Float[np.ndarray, 'rows features'], others: Float[np.ndarray, 'others features'], length: float
 ) -> Float[np.ndarray, 'rows others']:
+    """exp(-|difference|^2 / (2 length^2)) of every pair of rows."""
     squared = np.square(rows).sum(axis=1)[:, None] + np.square(others).sum(axis=1) - 2.0 * (rows @ others.T)
     return np.asarray(np.exp(np.maximum(squared, 0.0) / (-2.0 * length**2)))
 

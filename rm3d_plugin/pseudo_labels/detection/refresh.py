@@ -28,6 +28,12 @@ from rm3d_plugin.pseudo_labels.detection.boxes import (
     robust_extents,
     size_ranges,
 )
+from rm3d_plugin.pseudo_labels.detection.clusters import (
+    ObjectClusters,
+    likeness_of_boxes,
+    named_clusters,
+    unlike_points,
+)
 from rm3d_plugin.pseudo_labels.detection.instances import boxes_of_instances, predicted_instances
 from rm3d_plugin.pseudo_labels.detection.objects import (
     EarlierObjects,
@@ -65,6 +71,7 @@ class ObjectKnowledge:
         box_limits: What the scores of predicted boxes mean, where these become pseudo boxes; None: no box does.
         ranges: (C, 2, 3) sizes of annotated boxes, see
             :func:`~rm3d_plugin.pseudo_labels.detection.boxes.size_ranges`; None: ``mean_sizes`` alone.
+        clusters: Of the points above the ground, where rules ask for them; None: there are none.
     """
 
     mean_sizes: Float[np.ndarray, 'classes 3']
@@ -72,6 +79,7 @@ class ObjectKnowledge:
     limits: Float[np.ndarray, ' classes'] | None = None
     box_limits: BoxLimits | None = None
     ranges: Float[np.ndarray, 'classes 2 3'] | None = None
+    clusters: ObjectClusters | None = None
 
 
 class _Background(NamedTuple):
@@ -172,19 +180,28 @@ def _candidates(
     background: Bool[np.ndarray, ' points'],
 ) -> Candidates:
     assert rules.teacher is not None
-    boxes = _proposed(scene, rules.teacher, _object_context(scene, knowledge, rules.objects))
+    boxes = _proposed(scene, rules.teacher, _object_context(scene, knowledge, rules.objects), knowledge.clusters)
     known, sizes = scene.annotated.boxes, knowledge.ranges
     if sizes is None:
         sizes = size_ranges(np.zeros((0, 7)), np.zeros(0, dtype=np.int64), knowledge.mean_sizes)
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
-    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height)
+    if rules.teacher.source == 'clusters' and knowledge.clusters is not None:
+        shown = shown._replace(scores=shown.probs * np.minimum(knowledge.clusters.annotated, 1.0))
+    like = None if knowledge.clusters is None else likeness_of_boxes(knowledge.clusters, scene.xyz, boxes)
+    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height, like)
 
 
-def _proposed(scene: SceneInputs, rules: TeacherRules, context: ObjectContext) -> Boxes3D:
-    """Boxes that the network predicts, or those around the instances that it makes."""
+def _proposed(
+    scene: SceneInputs, rules: TeacherRules, context: ObjectContext, clusters: ObjectClusters | None
+) -> Boxes3D:
+    """Boxes that the network predicts, or those around the instances that it makes or around clusters."""
     said = scene.prediction
     if said is None:
         return Boxes3D.empty()
+    if rules.source == 'clusters':
+        if clusters is None:
+            raise ValueError("predicted_boxes.source: 'clusters', but nobody gave them (ObjectKnowledge.clusters)")
+        return boxes_of_instances(context, named_clusters(clusters, said.probabilities))
     if rules.source == 'boxes':
         return Boxes3D.empty() if said.boxes is None else said.boxes
     if said.centers is None:
@@ -211,7 +228,8 @@ def _objects_of_teacher(
     if rules.teacher.refit:
         objects = _refitted(objects, _object_context(scene, knowledge, rules.objects), empty.surely)
     free = (objects.point_box < 0) & ~objects.rejected & (annotation.seeds < 0)
-    empty_points = ((empty.surely | found.empty) & (objects.point_box < 0)) | (empty.large & free)
+    unlike = found.empty if knowledge.clusters is None else unlike_points(knowledge.clusters, rules.teacher.unlike)
+    empty_points = ((empty.surely | found.empty | unlike) & (objects.point_box < 0)) | (empty.large & free)
     if sure is not None and scene.probabilities is not None:
         empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= sure)
     nothing = LabelAssembly(np.full(len(scene.xyz), UNLABELLED), np.zeros(len(scene.xyz), dtype=np.float32))

@@ -10,7 +10,7 @@ from rm3d_plugin.regions import MergeRules
 from rm3d_plugin.structures.check_field import check_choice, check_field, check_switches
 
 BoxKind = Literal['completed', 'tight', 'axis_aligned']
-Proposed = Literal['boxes', 'instances']
+Proposed = Literal['boxes', 'instances', 'clusters']
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,11 @@ class TeacherRules:
             ground, the widest gap in height between them included, since beams may pass just over an object; nor may
             they be higher than the highest annotated box over this share. What has no class's height is background.
             0: never asked.
+        unlike: Points above the ground fall into clusters, and annotated objects tell how like them each is by its
+            shape (1: as these are like each other). A cluster whose likeness to each class is below this is background,
+            from the first labels on, and all others are in doubt until they are objects; nor does a box around one
+            whose likeness to its class is below this pass. Larger: more background, fewer hidden objects spared. 0:
+            never asked.
         growth: A round may expect so many times the objects of a class that the last one did. A network that learnt
             from pseudo boxes confirms them and finds more; larger: trusts it more. Where whole scenes are labelled,
             their counts tell the number.
@@ -117,7 +122,8 @@ class TeacherRules:
     size_ratio: float = 1.4
     min_points: int = 5
     free_above: float = 0.95
-    top: float = 0.95
+    top: float = 0.0
+    unlike: float = 0.0
     growth: float = 2.0
     max_iou: float = 0.1
     refit: bool = False
@@ -133,6 +139,7 @@ class TeacherRules:
         check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
         check_field(self, 'free_above', 0 <= self.free_above <= 1, 'a share in [0, 1]')
         check_field(self, 'top', 0 <= self.top <= 1, 'a share in [0, 1]')
+        check_field(self, 'unlike', 0 <= self.unlike <= 1, 'a share in [0, 1]')
         check_field(self, 'growth', self.growth >= 1, 'at least 1')
         check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
         sure = self.background

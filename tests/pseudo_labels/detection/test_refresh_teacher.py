@@ -15,6 +15,7 @@ from rm3d_plugin.pseudo_labels import (
     detection_rules,
     refresh_detection,
 )
+from rm3d_plugin.pseudo_labels.detection.clusters import ObjectClusters
 from rm3d_plugin.pseudo_labels.detection.refresh import find_candidates
 from rm3d_plugin.pseudo_labels.detection.teacher import BoxLimits
 from rm3d_plugin.regions.prepare import PreparedScene
@@ -44,10 +45,10 @@ def scene(previous=None, scores=(0.9, 0.6, 0.2), background=0.99):
     return SceneInputs(geometry, annotated, PointPrediction(rows, None, boxes), previous)
 
 
-def refresh(inputs, accept=0.5, **teacher):
-    rules = detection_rules(teacher=teacher)
+def refresh(inputs, accept=0.5, clusters=None, **teacher):
+    rules = detection_rules(teacher={'top': 0.95} | teacher)
     limits = BoxLimits(np.array([accept]), np.array([0.3]), np.array([2.0]))
-    knowledge = ObjectKnowledge(SIZES, inputs.xyz[:, 2], box_limits=limits)
+    knowledge = ObjectKnowledge(SIZES, inputs.xyz[:, 2], box_limits=limits, clusters=clusters)
     return refresh_detection(inputs, RoundContext(1, rules, np.array([1])), knowledge)
 
 
@@ -100,6 +101,42 @@ def test_instances_propose_boxes_where_that_is_asked():
     blind = replace(inputs, prediction=PointPrediction(rows, None, inputs.prediction.boxes))
     with pytest.raises(ValueError, match=r"predicted_boxes\.source: 'instances' needs where points vote"):
         refresh(blind, source='instances')
+
+
+def clusters_of_cars(*likeness):
+    """Each car is a cluster, the annotated one first; its likeness to the others is .8."""
+    point = np.r_[np.repeat(np.arange(4), EACH), np.full(8, -1)]
+    return ObjectClusters(point, np.array([1.0, *likeness])[:, None], np.array([0.8]))
+
+
+def test_what_has_no_shape_of_a_class_is_background():
+    got = refresh(scene(), clusters=clusters_of_cars(0.9, 0.2, 0.5), unlike=0.3)
+    assert got.labels.boxes.tensor[:, 0].tolist() == [10.0, 20.0] and got.steps['shape'].tolist() == [1]
+    assert got.labels.semantic.tolist() == [0] * 18 + [1] * 9 + [-1] * 9 + [1] * 8
+    asked = refresh(scene(), clusters=clusters_of_cars(0.9, 0.2, 0.5), unlike=0.0)
+    assert asked.labels.boxes.tensor[:, 0].tolist() == [10.0, 20.0, 30.0]
+
+
+def test_shapes_make_background_before_any_network_is_asked():
+    inputs = replace(scene(), prediction=None)
+    knowledge = ObjectKnowledge(SIZES, inputs.xyz[:, 2], clusters=clusters_of_cars(0.9, 0.2, 0.5))
+    rules = detection_rules(teacher={'unlike': 0.3})
+    got = refresh_detection(inputs, RoundContext(0, rules, np.array([1])), knowledge).labels
+    assert len(got.boxes) == 1 and got.semantic[:36].tolist() == [0] * 9 + [-1] * 9 + [1] * 9 + [-1] * 9
+
+
+def test_clusters_propose_boxes_where_that_is_asked():
+    """A cluster's score is what the network says of its points, times how like annotated objects it is."""
+    inputs = scene(scores=(0.0, 0.0, 0.0))
+    clusters = clusters_of_cars(2.0, 0.75, 0.4)
+    got = refresh(inputs, clusters=clusters, source='clusters').labels
+    assert got.boxes.scores.tolist() == pytest.approx([1.0, 0.8, 0.6])  # .32 is in doubt
+    assert got.boxes.tensor[1:, 0] == pytest.approx(PLACES[1:3], abs=1.3)
+    knowledge = ObjectKnowledge(SIZES, inputs.xyz[:, 2], clusters=clusters)
+    shown = find_candidates(inputs, detection_rules(teacher={'source': 'clusters'}), knowledge).shown
+    assert shown.scores.tolist() == pytest.approx([0.8 * 0.8])
+    with pytest.raises(ValueError, match=r"predicted_boxes\.source: 'clusters', but nobody gave them"):
+        refresh(inputs, source='clusters')
 
 
 def test_without_limits_nothing_is_accepted():

@@ -112,7 +112,7 @@ def test_what_has_no_height_of_a_class_is_background():
     owner = np.repeat(np.arange(5), [len(z) for z in rows])
     nowhere, nothing = np.zeros(len(xyz), dtype=bool), Boxes3D.empty()
     given = (xyz, nowhere, boxes(people, [1] * 5, [0.9] * 5), NOTHING, nothing, SIZES)
-    got = teacher_candidates(*given, TeacherRules(min_points=3), xyz[:, 2])
+    got = teacher_candidates(*given, TeacherRules(min_points=3, top=0.95), xyz[:, 2])
     assert got.boxes.tensor[:, 0].tolist() == [10.0, 40.0]
     assert got.steps['low'].tolist() == [0, 2] and got.steps['high'].tolist() == [0, 1]
     assert got.empty.tolist() == np.isin(owner, [1, 4]).tolist()  # a car might be as high as the third

@@ -1,0 +1,88 @@
+"""What the clusters of all scenes of a detection run tell of each: how like the annotated objects each is."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from tqdm import tqdm
+
+from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
+from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.ops.ground import GroundResult, segment_ground
+from rm3d_plugin.pseudo_labels import AnnotatedLabels
+from rm3d_plugin.pseudo_labels.detection.clusters import (
+    Likeness,
+    ObjectClusters,
+    fit_likeness,
+    object_clusters,
+    shapes,
+)
+
+SCENES = 200  # without an annotated box, whose clusters are looked at
+
+
+class _Fitted(NamedTuple):
+    likeness: Likeness
+    annotated: dict[str, Float[np.ndarray, ' boxes']]
+
+
+class ClusterKnowledge:
+    """Likeness of clusters to annotated objects, learnt at first use.
+
+    Args:
+        scene_ids: All scenes.
+        scenes: Their geometry.
+        annotated: Gives the annotated labels of a scene that training may know.
+        sizes: (C, 3) usual sizes of the classes, metres.
+    """
+
+    def __init__(
+        self,
+        scene_ids: Sequence[str],
+        scenes: PreparedScenes,
+        annotated: Callable[[str], AnnotatedLabels],
+        sizes: Float[np.ndarray, 'classes 3'],
+    ) -> None:
+        self._scene_ids, self._scenes, self._annotated, self._sizes = scene_ids, scenes, annotated, sizes
+        self._tall = float(np.nanmax(sizes[:, 2], initial=0.0))
+
+    def of(self, scene_id: str, ground: GroundResult) -> ObjectClusters:
+        """Clusters of a scene.
+
+        Args:
+            scene_id: The scene.
+            ground: Its ground.
+        """
+        point, rows = self._clusters(scene_id, ground)
+        boxes = len(self._annotated(scene_id).boxes)
+        known = self._fitted.annotated.get(scene_id, np.zeros(boxes))
+        return ObjectClusters(point, self._fitted.likeness.of(rows), known)
+
+    def _clusters(self, scene_id: str, ground: GroundResult) -> tuple[np.ndarray, np.ndarray]:
+        cloud = self._scenes.get(scene_id).cloud
+        point = object_clusters(cloud.xyz, ground.height, ground.is_ground, self._sizes)
+        return point, shapes(cloud, ground.height, point, int(point.max(initial=-1)) + 1, self._tall)
+
+    @cached_property
+    def _fitted(self) -> _Fitted:
+        with_boxes = [scene for scene in self._scene_ids if len(self._annotated(scene).boxes)]
+        others = [scene for scene in self._scene_ids if not len(self._annotated(scene).boxes)]
+        some = np.linspace(0, len(others) - 1, min(len(others), SCENES)).astype(np.int64)  # evenly over all
+        chosen = with_boxes + [others[row] for row in some]
+        clusters, objects, labels, counts = [], [], [], []
+        for scene in tqdm(chosen, desc='what clusters look like', leave=False):
+            cloud, boxes = self._scenes.get(scene).cloud, self._annotated(scene).boxes
+            ground = segment_ground(cloud.xyz)
+            clusters.append(self._clusters(scene, ground)[1])
+            inside = np.where(ground.is_ground, -1, points_in_boxes(cloud.xyz, boxes.tensor))
+            objects.append(shapes(cloud, ground.height, inside, len(boxes), self._tall))
+            labels.append(boxes.labels)
+            counts.append(len(boxes))
+        rows, of = np.concatenate(objects), np.concatenate(labels)
+        seen = rows.any(axis=1)
+        likeness, left_out = fit_likeness(rows[seen], of[seen], np.concatenate(clusters), len(self._sizes))
+        every = np.zeros(len(rows))
+        every[seen] = left_out
+        return _Fitted(likeness, dict(zip(chosen, np.split(every, np.cumsum(counts)[:-1]), strict=True)))

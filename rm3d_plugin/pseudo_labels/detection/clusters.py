@@ -1,0 +1,190 @@
+"""Clusters of points above the ground: objects that need no network to be told apart, and what they look like.
+
+On streets objects stand apart. What is not ground falls into clusters, most hidden objects are one of them, and how a
+cluster is shaped says much of what it is, whatever a network has learnt.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rm3d_plugin.ops.boxes import points_in_boxes
+from rm3d_plugin.ops.clustering import ball_clusters
+from rm3d_plugin.ops.segment import segment_mean
+from rm3d_plugin.pseudo_labels.common.density_ratio import DensityRatio, fit_density_ratio
+from rm3d_plugin.pseudo_labels.common.kernel_classifier import scaling_of
+from rm3d_plugin.pseudo_labels.detection.instances import PredictedInstances
+from rm3d_plugin.structures import Boxes3D, PointCloud
+
+LINK = 0.5  # of the narrowest class's width: points nearer than this to one another are of one cluster
+TALLEST = 1.5  # of the highest class's height: points higher than this above the ground are of no cluster
+SLABS = 5  # of equal height, up to the highest class's
+LEAST = 5  # points of a cluster
+
+
+class ObjectClusters(NamedTuple):
+    """Clusters of a scene.
+
+    Attributes:
+        point: (N,) int64 cluster of each point, -1 = none.
+        likeness: (K, C) how like annotated objects of each class a cluster is, against clusters at large; 1: as much as
+            these are like each other.
+        annotated: (B,) the same of each annotated box for its own class, from the others; 0 for one without points.
+    """
+
+    point: Int[np.ndarray, ' points']
+    likeness: Float[np.ndarray, 'clusters classes']
+    annotated: Float[np.ndarray, ' boxes']
+
+
+def object_clusters(
+    xyz: Float[np.ndarray, 'points 3'],
+    height: Float[np.ndarray, ' points'],
+    ground: Bool[np.ndarray, ' points'],
+    sizes: Float[np.ndarray, 'classes 3'],
+) -> Int[np.ndarray, ' points']:
+    """Cluster of each point, -1 = none: ground, points far too high for any object, and a few strays.
+
+    Args:
+        xyz: Points, metres.
+        height: Above the ground, metres.
+        ground: Points of the ground.
+        sizes: Usual sizes of classes, metres; NaN rows are ignored, and without any other there is no cluster.
+    """
+    known = sizes[np.isfinite(sizes).all(axis=1)]
+    if not len(known):
+        return np.full(len(xyz), -1, dtype=np.int64)
+    taking_part = ~ground & (height < TALLEST * known[:, 2].max())
+    return ball_clusters(xyz, LINK * float(known[:, :2].min()), np.where(taking_part, 0, -1), LEAST)
+
+
+def shapes(
+    cloud: PointCloud, height: Float[np.ndarray, ' points'], owner: Int[np.ndarray, ' points'], count: int, tall: float
+) -> Float[np.ndarray, 'clusters features']:
+    """What clusters look like, whichever way they are turned.
+
+    Highest and lowest height above the ground; extents and deviations along the two principal axes from above; how many
+    points it would have at 10 m, logarithm; in slabs of equal height the share of the points and both extents;
+    intensity (mean, deviation, ninth decile) and colour (mean, deviation of each channel), where there are any. A
+    cluster without points has zeros.
+
+    Args:
+        cloud: The scene.
+        height: Above the ground, metres.
+        owner: Cluster of each point, -1 = none.
+        count: Clusters.
+        tall: Height up to which slabs reach, metres.
+    """
+    order = np.argsort(owner, kind='stable')
+    starts = np.searchsorted(owner[order], np.arange(count + 1))
+    sensor = np.zeros(3) if cloud.sensor is None else np.asarray(cloud.sensor)
+    channels = [part for part in (cloud.intensity, cloud.colors) if part is not None]
+    beside = np.column_stack([np.zeros((len(cloud), 0)), *channels]).astype(np.float64)
+    xyz = cloud.xyz.astype(np.float64)
+    empty = np.zeros(7 + 3 * SLABS + 3 * beside.shape[1])
+    rows = [
+        _shape(xyz[own], height[own], beside[own], sensor, tall) if len(own) else empty
+        for own in (order[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
+    ]
+    return np.array(rows).reshape(count, len(empty))
+
+
+def _shape(xyz: np.ndarray, height: np.ndarray, beside: np.ndarray, sensor: np.ndarray, tall: float) -> np.ndarray:
+    middle = xyz[:, :2].mean(axis=0)
+    flat = xyz[:, :2] - middle
+    _, axes = np.linalg.eigh(flat.T @ flat)
+    flat = flat @ axes[:, ::-1]  # longest first
+    reach = float(np.hypot(*(middle - sensor[:2])))
+    values = [height.max(), height.min(), *np.ptp(flat, axis=0), *flat.std(axis=0)]
+    values.append(np.log1p(len(xyz) * (reach / 10.0) ** 2))
+    slab = np.floor(height * (SLABS / tall))
+    for number in range(SLABS):
+        own = flat[slab == number]
+        values += [len(own) / len(xyz), *(np.ptp(own, axis=0) if len(own) else np.zeros(2))]
+    parts = beside.mean(axis=0), beside.std(axis=0), np.quantile(beside, 0.9, axis=0)
+    return np.concatenate([values, *parts])
+
+
+def named_clusters(clusters: ObjectClusters, probabilities: Float[np.ndarray, 'points classes']) -> PredictedInstances:
+    """Each cluster as an instance of the class that is likeliest by the network and by its shape together.
+
+    Args:
+        clusters: Of a scene.
+        probabilities: Softmax of the points, background last; NaN where the network saw none, which counts as 0.
+    """
+    count, classes = clusters.likeness.shape
+    said = segment_mean(np.nan_to_num(probabilities[:, :classes]), clusters.point, count)
+    scores = said * np.minimum(clusters.likeness, 1.0)
+    labels = scores.argmax(axis=1) if count else np.zeros(0, dtype=np.int64)
+    return PredictedInstances(clusters.point, labels.astype(np.int64), scores[np.arange(count), labels])
+
+
+def likeness_of_boxes(
+    clusters: ObjectClusters, xyz: Float[np.ndarray, 'points 3'], boxes: Boxes3D
+) -> Float[np.ndarray, ' boxes']:
+    """Likeness of each box to its class: that of the cluster with the most points in it; 0 without any."""
+    out = np.zeros(len(boxes))
+    inside = clusters.point >= 0
+    xyz, point = xyz[inside], clusters.point[inside]
+    for row in range(len(boxes)):
+        own = point[points_in_boxes(xyz, boxes.tensor[row : row + 1]) >= 0]
+        if len(own):
+            out[row] = clusters.likeness[np.bincount(own).argmax(), boxes.labels[row]]
+    return out
+
+
+def unlike_points(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, ' points']:
+    """Points of clusters that are like no class's annotated objects, see :attr:`TeacherRules.unlike`."""
+    unlike = clusters.likeness.max(axis=1, initial=0.0) < least
+    return np.asarray(np.append(unlike, False)[clusters.point])
+
+
+class Likeness(NamedTuple):
+    """How like the annotated objects of each class something is.
+
+    Attributes:
+        ratios: Of each class; None: the class has no annotated object.
+        usual: (C,) what the ratio is at annotated objects that are left out, the median.
+    """
+
+    ratios: tuple[DensityRatio | None, ...]
+    usual: Float[np.ndarray, ' classes']
+
+    def of(self, rows: Float[np.ndarray, 'clusters features']) -> Float[np.ndarray, 'clusters classes']:
+        """Likeness of rows of :func:`shapes` to each class."""
+        out = np.zeros((len(rows), len(self.ratios)))
+        for c, ratio in enumerate(self.ratios):
+            if ratio is not None and len(rows):
+                out[:, c] = ratio.of(rows) / self.usual[c]
+        return out
+
+
+LEAST_USUAL = 0.1  # of what the ratio is at annotated objects that are not left out: some classes are unlike themselves
+
+
+def fit_likeness(
+    annotated: Float[np.ndarray, 'objects features'],
+    labels: Int[np.ndarray, ' objects'],
+    clusters: Float[np.ndarray, 'clusters features'],
+    classes: int,
+) -> tuple[Likeness, Float[np.ndarray, ' objects']]:
+    """Learn from annotated objects and clusters of which nothing is known; also the likeness of objects left out.
+
+    Args:
+        annotated: Rows of :func:`shapes`.
+        labels: Classes of the annotated objects.
+        clusters: Rows of :func:`shapes`, at least one where there is an annotated object.
+        classes: C.
+    """
+    usual, left_out = np.ones(classes), np.zeros(len(labels))
+    ratios: list[DensityRatio | None] = [None] * classes
+    if not len(labels):
+        return Likeness(tuple(ratios), usual), left_out
+    scaling = scaling_of(clusters)
+    for c in np.unique(labels).tolist():
+        own = labels == c
+        ratio, without = fit_density_ratio(annotated[own], clusters, scaling)
+        usual[c] = max(float(np.median(without)), LEAST_USUAL * float(np.median(ratio.of(annotated[own]))), 1e-12)
+        ratios[c], left_out[own] = ratio, without / usual[c]
+    return Likeness(tuple(ratios), usual), left_out

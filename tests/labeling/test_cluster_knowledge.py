@@ -1,0 +1,88 @@
+"""Clusters of several scenes: annotated objects of one tell what those of another are like."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rm3d_plugin.labeling import clusters as module
+from rm3d_plugin.labeling.clusters import ClusterKnowledge
+from rm3d_plugin.ops.ground import segment_ground
+from rm3d_plugin.pseudo_labels import AnnotatedLabels
+from rm3d_plugin.structures import Boxes3D, PointCloud
+
+SIZES = np.array([[4.0, 2.0, 1.5], [0.8, 0.6, 1.8]])
+CARS, PEOPLE, WALLS = (8.0, 18.0), (13.0, 28.0), (23.0,)
+
+
+def scene(seed):
+    """A floor with two cars, two people and a wall on it."""
+    rng = np.random.default_rng(seed)
+    floor = np.c_[rng.uniform(0, 35, 4000), rng.uniform(-6, 6, 4000), rng.normal(0, 0.01, 4000)]
+    parts = [floor]
+    kinds = ((CARS, (4.0, 2.0, 1.5), 1500), (PEOPLE, (0.6, 0.5, 1.75), 150), (WALLS, (0.2, 5, 1.6), 900))
+    for places, size, count in kinds:
+        for x in places:
+            jitter = rng.uniform(-0.5, 0.5)
+            middle = [x + jitter, 0.0, 0.0]
+            parts.append(middle + rng.uniform([-0.5, -0.5, 0.02], [0.5, 0.5, 1.0], size=(count, 3)) * size)
+    return PointCloud(np.concatenate(parts), sensor=(0.0, 0.0, 1.7))
+
+
+CLOUDS = {f's{seed}': scene(seed) for seed in range(4)}
+SCENES = SimpleNamespace(get=lambda scene_id: SimpleNamespace(cloud=CLOUDS[scene_id]))
+
+
+def annotated(scene_id):
+    """Both people and both cars of the first two scenes; the box of one person is in an empty place."""
+    n, shown = len(CLOUDS[scene_id]), scene_id in ('s0', 's1')
+    rows = [[x, 0, 0.75, 5.0, 2.2, 1.6, 0.0] for x in CARS] + [[x, 0, 0.9, 1.8, 0.7, 1.9, 0.0] for x in PEOPLE]
+    if scene_id == 's1':
+        rows[3][1] = 50.0
+    boxes = Boxes3D(np.array(rows), np.array([0, 0, 1, 1])) if shown else Boxes3D.empty()
+    return AnnotatedLabels(np.full(n, -1), np.full(n, -1), boxes)
+
+
+def knowledge():
+    return ClusterKnowledge(list(CLOUDS), SCENES, annotated, SIZES)
+
+
+def test_objects_of_other_scenes_are_like_the_annotated_ones():
+    told = knowledge()
+    for scene_id, cloud in CLOUDS.items():
+        got = told.of(scene_id, segment_ground(cloud.xyz))
+        middle = np.array([cloud.xyz[got.point == c, 0].mean() for c in range(len(got.likeness))])
+        by_place = {place: got.likeness[np.abs(middle - place).argmin()] for place in CARS + PEOPLE + WALLS}
+        for place in CARS:
+            assert by_place[place][0] > 0.3 > by_place[place][1]
+        for place in PEOPLE:
+            assert by_place[place][1] > 0.3 > by_place[place][0]
+        assert by_place[WALLS[0]].max() < 0.3
+
+
+def test_annotated_objects_are_left_out_of_their_own_likeness():
+    told = knowledge()
+    first, second, third = (told.of(s, segment_ground(CLOUDS[s].xyz)).annotated for s in ('s0', 's1', 's2'))
+    assert len(third) == 0 and second[3] == 0.0  # a box without points is like nothing
+    assert np.median(np.r_[first[:2], second[:2]]) == pytest.approx(1.0)
+    assert np.median(np.r_[first[2:], second[2]]) == pytest.approx(1.0)
+
+
+def test_scenes_without_boxes_are_looked_at_as_far_as_there_is_time(monkeypatch):
+    monkeypatch.setattr(module, 'SCENES', 1)
+    asked = []
+
+    def get(scene_id):
+        asked.append(scene_id)
+        return SCENES.get(scene_id)
+
+    told = ClusterKnowledge(list(CLOUDS), SimpleNamespace(get=get), annotated, SIZES)
+    told.of('s0', segment_ground(CLOUDS['s0'].xyz))
+    assert set(asked) == {'s0', 's1', 's2'}
+
+
+def test_without_boxes_nothing_is_like_anything():
+    told = ClusterKnowledge(['s2', 's3'], SCENES, annotated, SIZES)
+    assert not told.of('s2', segment_ground(CLOUDS['s2'].xyz)).likeness.any()
+    unknown = ClusterKnowledge(['s2', 's3'], SCENES, annotated, np.full((2, 3), np.nan))
+    assert len(unknown.of('s2', segment_ground(CLOUDS['s2'].xyz)).likeness) == 0

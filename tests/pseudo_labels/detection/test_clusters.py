@@ -1,0 +1,114 @@
+"""Clusters above the ground: which points, what they look like, and how like annotated objects they are."""
+
+import numpy as np
+import pytest
+
+from rm3d_plugin.pseudo_labels.detection.clusters import (
+    LEAST,
+    SLABS,
+    ObjectClusters,
+    fit_likeness,
+    likeness_of_boxes,
+    named_clusters,
+    object_clusters,
+    shapes,
+    unlike_points,
+)
+from rm3d_plugin.structures import Boxes3D, PointCloud
+
+SIZES = np.array([[4.0, 2.0, 1.5], [0.8, 0.6, 1.8], [np.nan] * 3])
+
+
+def block(x, y, size, rng, count=200):
+    return rng.uniform([x, y, 0.3], [x + size[0], y + size[1], size[2]], size=(count, 3))
+
+
+def test_clusters_are_what_stands_apart_above_the_ground():
+    rng = np.random.default_rng(0)
+    car, person = block(5, 0, (4, 2, 1.5), rng, 3000), block(5, 2.6, (0.5, 0.5, 1.7), rng)
+    strays = np.full((LEAST - 1, 3), 50.0)
+    pole = np.c_[np.full(60, 20.0), np.zeros(60), np.linspace(0.3, 6.0, 60)]
+    strays[:, 2] = 1.0
+    floor = np.c_[rng.uniform(0, 30, size=(300, 2)), np.zeros(300)]
+    xyz = np.concatenate([car, person, pole, strays, floor])
+    got = object_clusters(xyz, xyz[:, 2], xyz[:, 2] < 0.1, SIZES)
+    assert set(got[:3000]) == {0} and set(got[3000:3200]) == {1}
+    on_pole = xyz[3200:3260, 2] < 1.5 * 1.8
+    assert (got[3200:3260][on_pole] == 2).all() and (got[3200:3260][~on_pole] == -1).all()
+    assert (got[3260:] == -1).all()
+    assert (object_clusters(xyz, xyz[:, 2], xyz[:, 2] < 0.1, SIZES[2:]) == -1).all()
+
+
+def test_shapes_by_hand():
+    xyz = np.array([[10.0, -1, 0.2], [10, 1, 0.2], [10, 0, 1.0], [10, 0, 1.9], [30, 0, 0.5]])
+    cloud = PointCloud(xyz, intensity=np.array([0.0, 0.2, 0.4, 0.6, 1.0]), sensor=(0.0, 0.0, 0.0))
+    got = shapes(cloud, xyz[:, 2], np.array([0, 0, 0, 0, -1]), 2, tall=2.0)
+    assert got.shape == (2, 7 + 3 * SLABS + 3) and not got[1].any()
+    top, low, long, short, sd_long, sd_short, many = got[0, :7]
+    assert (top, low) == pytest.approx((1.9, 0.2)) and (long, short) == pytest.approx((2.0, 0.0))
+    assert sd_long == pytest.approx(np.sqrt(0.5)) and sd_short == pytest.approx(0.0, abs=1e-7)
+    assert many == pytest.approx(np.log1p(4 * 1.0))
+    slabs = got[0, 7:-3].reshape(SLABS, 3)
+    assert slabs[:, 0].tolist() == [0.5, 0.0, 0.25, 0.0, 0.25] and slabs[:, 1] == pytest.approx([2.0, 0, 0, 0, 0])
+    assert got[0, -3:] == pytest.approx([0.3, np.std([0, 0.2, 0.4, 0.6]), np.quantile([0, 0.2, 0.4, 0.6], 0.9)])
+
+
+def test_shapes_do_not_ask_which_way_something_is_turned():
+    rng = np.random.default_rng(1)
+    xyz = block(8, -1, (4, 1.5, 1.6), rng)
+    angle = 0.9
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    colors = rng.uniform(size=(200, 3))
+    owner = np.zeros(200, dtype=int)
+    one, other = (
+        shapes(PointCloud(points, colors=colors, sensor=(0.0, 0.0, 0.0)), xyz[:, 2], owner, 1, 1.8)
+        for points in (xyz, xyz @ turn.T)
+    )
+    assert one.shape[1] == 7 + 3 * SLABS + 9 and other == pytest.approx(one, abs=1e-4)
+
+
+def test_what_is_shaped_like_annotated_objects_is_like_them():
+    rng = np.random.default_rng(2)
+    clutter, people = rng.normal(0.0, 1.0, size=(300, 6)), rng.normal(3.0, 0.4, size=(40, 6))
+    cars = rng.normal(-3.0, 0.4, size=(40, 6))
+    annotated, labels = np.concatenate([people[:4], cars[:4]]), np.repeat([1, 0], 4)
+    likeness, left_out = fit_likeness(annotated, labels, np.concatenate([clutter, people, cars]), 3)
+    told = likeness.of(np.concatenate([people[4:], cars[4:], clutter]))
+    assert (told[:36, 1] > 0.5).mean() > 0.9 and (told[36:72, 0] > 0.5).mean() > 0.9
+    assert (told[72:] < 0.3).mean() > 0.95 and told[:36, 0].max() < 0.3
+    assert not told[:, 2].any()  # nobody annotated one
+    for c in (0, 1):
+        assert np.median(left_out[labels == c]) == pytest.approx(1.0)
+
+
+def test_without_annotated_objects_nothing_is_like_any():
+    rows = np.random.default_rng(3).normal(size=(20, 5))
+    likeness, left_out = fit_likeness(rows[:0], np.zeros(0, dtype=int), rows, 2)
+    assert not likeness.of(rows).any() and likeness.of(rows[:0]).shape == (0, 2) and len(left_out) == 0
+
+
+POINT = np.array([0, 0, 0, 1, 1, -1, 2])
+CLUSTERS = ObjectClusters(POINT, np.array([[2.0, 0.1], [0.5, 0.4], [0.1, 0.2]]), np.zeros(0))
+
+
+def test_clusters_are_named_by_network_and_shape():
+    rows = np.array([[0.6, 0.4, 0.0]] * 3 + [[0.2, 0.6, 0.2], [np.nan] * 3, [1.0, 0, 0], [0.0, 0.0, 1.0]])
+    got = named_clusters(CLUSTERS, rows)
+    assert got.point is POINT and got.labels.tolist() == [0, 1, 0]
+    assert got.scores == pytest.approx([0.6 * 1.0, 0.3 * 0.4, 0.0])  # likeness counts up to 1; unseen points count as 0
+    nothing = named_clusters(ObjectClusters(np.full(7, -1), np.zeros((0, 2)), np.zeros(0)), rows)
+    assert len(nothing.labels) == len(nothing.scores) == 0
+
+
+def test_a_box_is_as_like_its_class_as_the_cluster_of_most_of_its_points():
+    xyz = np.array([[0.0, 0, 1], [0.1, 0, 1], [0.2, 0, 1], [0.3, 0, 1], [5, 0, 1], [9, 0, 1], [9.1, 0, 1]])
+    tensor = np.array([[x, 0, 1, 1.5, 1, 2, 0.0] for x in (0.0, 5.0, 9.0, 20.0)])
+    for label, expected in ((0, [2.0, 0.5, 0.1, 0.0]), (1, [0.1, 0.4, 0.2, 0.0])):
+        boxes = Boxes3D(tensor, np.full(4, label), np.ones(4))
+        assert likeness_of_boxes(CLUSTERS, xyz, boxes).tolist() == expected
+
+
+def test_points_of_clusters_like_no_class():
+    assert unlike_points(CLUSTERS, 0.3).tolist() == [False] * 6 + [True]
+    assert not unlike_points(CLUSTERS, 0.0).any()
+    assert not unlike_points(ObjectClusters(np.full(3, -1), np.zeros((0, 2)), np.zeros(0)), 1.0).any()
