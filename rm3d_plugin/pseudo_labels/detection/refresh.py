@@ -30,7 +30,6 @@ from rm3d_plugin.pseudo_labels.detection.boxes import (
 )
 from rm3d_plugin.pseudo_labels.detection.clusters import (
     ObjectClusters,
-    likeness_of_boxes,
     named_clusters,
     unlike_points,
 )
@@ -187,8 +186,7 @@ def _candidates(
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
     if rules.teacher.source == 'clusters' and knowledge.clusters is not None:
         shown = shown._replace(scores=shown.probs * np.minimum(knowledge.clusters.annotated, 1.0))
-    like = None if knowledge.clusters is None else likeness_of_boxes(knowledge.clusters, scene.xyz, boxes)
-    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height, like)
+    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height)
 
 
 def _proposed(

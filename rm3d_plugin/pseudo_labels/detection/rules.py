@@ -102,9 +102,8 @@ class TeacherRules:
             0: never asked.
         unlike: Points above the ground fall into clusters, and annotated objects tell how like them each is by its
             shape (1: as these are like each other). A cluster whose likeness to each class is below this is background,
-            from the first labels on, and all others are in doubt until they are objects; nor does a box around one
-            whose likeness to its class is below this pass. Larger: more background, fewer hidden objects spared. 0:
-            never asked.
+            from the first labels on, and all others are in doubt until they are objects. Larger: more background,
+            fewer hidden objects spared. 0: never asked.
         growth: A round may expect so many times the objects of a class that the last one did. A network that learnt
             from pseudo boxes confirms them and finds more; larger: trusts it more. Where whole scenes are labelled,
             their counts tell the number.
