@@ -111,8 +111,8 @@ class TeacherRules:
         refit: The class's usual box is fitted to the points of an accepted box, and takes its place.
         background: Probability from which the network makes a point background that lies in no candidate's box. None:
             geometry alone makes background.
-        ignore_unknown: Once the network was asked, what is unknown is ignored in training; False: it goes on to count
-            as background in part (``unlabelled_weight``), hidden objects with it.
+        ignore_unknown: Once the network or shapes (``unlike``) were asked, what is unknown is ignored in training;
+            False: it goes on to count as background in part (``unlabelled_weight``), hidden objects with it.
     """
 
     source: Proposed = 'boxes'
