@@ -12,6 +12,7 @@ from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.ground import GroundResult, segment_ground
 from rm3d_plugin.pseudo_labels import AnnotatedLabels
+from rm3d_plugin.pseudo_labels.common.kernel_classifier import evenly_spread
 from rm3d_plugin.pseudo_labels.detection.clusters import (
     Likeness,
     ObjectClusters,
@@ -20,7 +21,7 @@ from rm3d_plugin.pseudo_labels.detection.clusters import (
     shapes,
 )
 
-SCENES = 200  # without an annotated box, whose clusters are looked at
+SCENES = 200  # with an annotated box, and as many without, whose clusters are looked at at most
 
 
 class _Fitted(NamedTuple):
@@ -56,33 +57,40 @@ class ClusterKnowledge:
             ground: Its ground.
         """
         point, rows = self._clusters(scene_id, ground)
-        boxes = len(self._annotated(scene_id).boxes)
-        known = self._fitted.annotated.get(scene_id, np.zeros(boxes))
+        known = self._fitted.annotated.get(scene_id)
+        if known is None:  # its objects were not learnt from
+            labels, objects = self._annotated(scene_id).boxes.labels, self._objects(scene_id, ground)
+            known = objects.any(axis=1) * self._fitted.likeness.of(objects)[np.arange(len(labels)), labels]
         return ObjectClusters(point, self._fitted.likeness.of(rows), known)
 
     def _clusters(self, scene_id: str, ground: GroundResult) -> tuple[np.ndarray, np.ndarray]:
+        """Cluster of each point, and what the clusters look like."""
         cloud = self._scenes.get(scene_id).cloud
         point = object_clusters(cloud.xyz, ground.height, ground.is_ground, self._sizes)
         return point, shapes(cloud, ground.height, point, int(point.max(initial=-1)) + 1, self._tall)
 
+    def _objects(self, scene_id: str, ground: GroundResult) -> np.ndarray:
+        """What the annotated objects of a scene look like; zeros for one without points."""
+        cloud, boxes = self._scenes.get(scene_id).cloud, self._annotated(scene_id).boxes
+        inside = np.where(ground.is_ground, -1, points_in_boxes(cloud.xyz, boxes.tensor))
+        return shapes(cloud, ground.height, inside, len(boxes), self._tall)
+
     @cached_property
     def _fitted(self) -> _Fitted:
-        with_boxes = [scene for scene in self._scene_ids if len(self._annotated(scene).boxes)]
-        others = [scene for scene in self._scene_ids if not len(self._annotated(scene).boxes)]
-        some = np.linspace(0, len(others) - 1, min(len(others), SCENES)).astype(np.int64)  # evenly over all
-        chosen = with_boxes + [others[row] for row in some]
-        clusters, objects, labels, counts = [], [], [], []
+        groups: tuple[list[str], list[str]] = ([], [])
+        for scene in self._scene_ids:
+            groups[len(self._annotated(scene).boxes) > 0].append(scene)
+        chosen = [group[row] for group in groups for row in evenly_spread(len(group), SCENES)]
+        clusters, objects, labels = [], [], []
         for scene in tqdm(chosen, desc='what clusters look like', leave=False):
-            cloud, boxes = self._scenes.get(scene).cloud, self._annotated(scene).boxes
-            ground = segment_ground(cloud.xyz)
+            ground = segment_ground(self._scenes.get(scene).cloud.xyz)
             clusters.append(self._clusters(scene, ground)[1])
-            inside = np.where(ground.is_ground, -1, points_in_boxes(cloud.xyz, boxes.tensor))
-            objects.append(shapes(cloud, ground.height, inside, len(boxes), self._tall))
-            labels.append(boxes.labels)
-            counts.append(len(boxes))
+            objects.append(self._objects(scene, ground))
+            labels.append(self._annotated(scene).boxes.labels)
         rows, of = np.concatenate(objects), np.concatenate(labels)
         seen = rows.any(axis=1)
         likeness, left_out = fit_likeness(rows[seen], of[seen], np.concatenate(clusters), len(self._sizes))
         every = np.zeros(len(rows))
         every[seen] = left_out
-        return _Fitted(likeness, dict(zip(chosen, np.split(every, np.cumsum(counts)[:-1]), strict=True)))
+        parts = np.split(every, np.cumsum([len(part) for part in labels])[:-1])
+        return _Fitted(likeness, dict(zip(chosen, parts, strict=True)))

@@ -68,7 +68,7 @@ def test_annotated_objects_are_left_out_of_their_own_likeness():
     assert np.median(np.r_[first[2:], second[2]]) == pytest.approx(1.0)
 
 
-def test_scenes_without_boxes_are_looked_at_as_far_as_there_is_time(monkeypatch):
+def test_so_many_scenes_are_looked_at(monkeypatch):
     monkeypatch.setattr(module, 'SCENES', 1)
     asked = []
 
@@ -77,8 +77,10 @@ def test_scenes_without_boxes_are_looked_at_as_far_as_there_is_time(monkeypatch)
         return SCENES.get(scene_id)
 
     told = ClusterKnowledge(list(CLOUDS), SimpleNamespace(get=get), annotated, SIZES)
-    told.of('s0', segment_ground(CLOUDS['s0'].xyz))
-    assert set(asked) == {'s0', 's1', 's2'}
+    assert len(told.of('s2', segment_ground(CLOUDS['s2'].xyz)).annotated) == 0
+    assert set(asked) == {'s0', 's2'}  # one with boxes, one without
+    others = told.of('s1', segment_ground(CLOUDS['s1'].xyz)).annotated  # its objects were not learnt from
+    assert (others[:3] > 0.2).all() and others[3] == 0.0
 
 
 def test_without_boxes_nothing_is_like_anything():

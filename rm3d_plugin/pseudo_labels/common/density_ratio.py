@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, gaussian_kernel
+from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, evenly_spread, gaussian_kernel
 
 LENGTH = 0.8  # of the kernel, in root mean square deviations of the columns
 RIDGE = 0.1  # of the weights
-CENTRES = 300  # of the kernels, beside those at labelled rows
+CENTRES = 300  # of the kernels at most, at labelled rows and as many at others
 
 
 class DensityRatio(NamedTuple):
@@ -53,8 +53,7 @@ def fit_density_ratio(
             f'fit_density_ratio: expected rows of both kinds, got {len(labelled)} labelled and {len(rows)} in all'
         )
     everything, own = scaling.apply(rows), scaling.apply(labelled)
-    chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), CENTRES)).astype(np.int64))
-    centres = np.concatenate([own, everything[chosen]])
+    centres = np.concatenate([part[evenly_spread(len(part), CENTRES)] for part in (own, everything)])
     near, at_own = (gaussian_kernel(part, centres, LENGTH).astype(np.float64) for part in (everything, own))
     gram = near.T @ near / len(rows) + RIDGE * np.eye(len(centres))
     solved = np.linalg.solve(gram, at_own.T)  # (M, labelled): weights that each labelled row asks for

@@ -123,8 +123,17 @@ def evenly_chosen(classes: Int[np.ndarray, ' rows'], most: int) -> Int[np.ndarra
     chosen = [np.zeros(0, dtype=np.int64)]
     for c in np.unique(classes):
         rows = np.flatnonzero(classes == c)
-        chosen.append(rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(np.int64)])
+        chosen.append(rows[evenly_spread(len(rows), most)])
     return np.concatenate(chosen)
+
+
+def evenly_spread(count: int, most: int) -> Int[np.ndarray, ' chosen']:
+    """At most so many of ``count`` rows, the first and the last among them, as far apart as may be.
+
+    >>> evenly_spread(9, 3)
+    array([0, 4, 8])
+    """
+    return np.linspace(0, max(count - 1, 0), min(count, most)).astype(np.int64)
 
 
 def class_prior_em(

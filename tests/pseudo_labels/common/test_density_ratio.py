@@ -62,8 +62,8 @@ def test_one_labelled_row_stands_for_itself():
 def test_many_rows_ask_for_few_kernels(monkeypatch):
     monkeypatch.setattr(density_ratio, 'CENTRES', 20)
     rows = np.random.default_rng(3).normal(size=(5000, 3))
-    ratio, _ = fit_density_ratio(rows[:3], rows, scaling_of(rows))
-    assert len(ratio.centres) == 23 and ratio.of(rows[:0]).shape == (0,)
+    ratio, _ = fit_density_ratio(rows[:30], rows, scaling_of(rows))
+    assert len(ratio.centres) == 40 and ratio.of(rows[:0]).shape == (0,)
 
 
 @pytest.mark.parametrize(('labelled', 'rows'), [(0, 5), (2, 0)])
