@@ -147,7 +147,7 @@ class DetectionLabelMaker(LabelMaker):
         sizes = self.mean_sizes if np.isfinite(self.mean_sizes).all() else None
         teacher, judged = self.rules.teacher, False
         if teacher is not None and teacher.ignore_unknown:
-            judged = bool(self.store.current_round()) or teacher.unlike > 0
+            judged = bool(self.store.current_round()) or (teacher.unlike > 0 and bool(self.class_counts.all()))
         return LabelStatistics(self.class_counts, sizes, judged)
 
     # ------------------------------------------------------------------ labels

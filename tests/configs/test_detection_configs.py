@@ -52,3 +52,5 @@ def test_labels_judged_every_place_once_shapes_or_predicted_boxes_made_them(opti
     )
     told = DetectionLabelMaker.statistics(maker)
     assert told.judged == judged and told.mean_sizes is sizes
+    maker.class_counts = np.array([1, 0, 1])  # of one class nobody knows the shape
+    assert DetectionLabelMaker.statistics(maker).judged == (judged and bool(round_in_use))

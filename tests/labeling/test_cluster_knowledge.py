@@ -85,6 +85,6 @@ def test_so_many_scenes_are_looked_at(monkeypatch):
 
 def test_without_boxes_nothing_is_like_anything():
     told = ClusterKnowledge(['s2', 's3'], SCENES, annotated, SIZES)
-    assert not told.of('s2', segment_ground(CLOUDS['s2'].xyz)).likeness.any()
+    assert np.isnan(told.of('s2', segment_ground(CLOUDS['s2'].xyz)).likeness).all()
     unknown = ClusterKnowledge(['s2', 's3'], SCENES, annotated, np.full((2, 3), np.nan))
     assert len(unknown.of('s2', segment_ground(CLOUDS['s2'].xyz)).likeness) == 0

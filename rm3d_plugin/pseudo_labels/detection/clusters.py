@@ -28,7 +28,7 @@ class ObjectClusters(NamedTuple):
     Attributes:
         point: (N,) int64 cluster of each point, -1 = none.
         likeness: (K, C) how like annotated objects of each class a cluster is, against clusters at large; 1: as much as
-            these are like each other.
+            these are like each other. NaN: the class has no annotated object.
         annotated: (B,) the same of each annotated box for its own class, from the others; 0 for one without points.
     """
 
@@ -114,14 +114,17 @@ def named_clusters(clusters: ObjectClusters, probabilities: Float[np.ndarray, 'p
     """
     count, classes = clusters.likeness.shape
     said = segment_mean(np.nan_to_num(probabilities[:, :classes]), clusters.point, count)
-    scores = said * np.minimum(clusters.likeness, 1.0)
+    scores = said * np.minimum(np.nan_to_num(clusters.likeness), 1.0)
     labels = scores.argmax(axis=1) if count else np.zeros(0, dtype=np.int64)
     return PredictedInstances(clusters.point, labels.astype(np.int64), scores[np.arange(count), labels])
 
 
 def unlike_points(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, ' points']:
-    """Points of clusters that are like no class's annotated objects, see :attr:`TeacherRules.unlike`."""
-    unlike = clusters.likeness.max(axis=1, initial=0.0) < least
+    """Points of clusters that are like no class's annotated objects, see :attr:`TeacherRules.unlike`.
+
+    Where a class has no annotated object there are none: nobody knows what its objects look like.
+    """
+    unlike = (clusters.likeness < least).all(axis=1)
     return np.asarray(np.append(unlike, False)[clusters.point])
 
 
@@ -137,8 +140,8 @@ class Likeness(NamedTuple):
     usual: Float[np.ndarray, ' classes']
 
     def of(self, rows: Float[np.ndarray, 'clusters features']) -> Float[np.ndarray, 'clusters classes']:
-        """Likeness of rows of :func:`shapes` to each class."""
-        out = np.zeros((len(rows), len(self.ratios)))
+        """Likeness of rows of :func:`shapes` to each class; NaN for a class without annotated objects."""
+        out = np.full((len(rows), len(self.ratios)), np.nan)
         for c, ratio in enumerate(self.ratios):
             if ratio is not None and len(rows):
                 out[:, c] = ratio.of(rows) / self.usual[c]
