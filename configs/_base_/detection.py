@@ -162,9 +162,8 @@ budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 graph_neighbors = 8
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it, and axis-aligned boxes
 teacher = None  # '${predicted_boxes}': predicted boxes become pseudo boxes, in place of groups of regions by `objects`
-predicted_boxes = dict(
-    share=0.7
-)  # objects may hang or stand on others; streets ask how far up they reach, and their shape
+# Objects may hang or stand on others here; streets ask how far up they reach, and how they are shaped.
+predicted_boxes = dict(share=0.7)
 self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
 label_maker = dict(
     type='DetectionLabelMaker',

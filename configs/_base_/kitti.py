@@ -14,7 +14,7 @@ on_ground = True
 score_by_points = True
 aug_prob = 0.25
 teacher = '${predicted_boxes}'  # predicted boxes become pseudo boxes
-predicted_boxes = dict(top=0.95, unlike=0.2)  # objects stand apart on the ground, high and shaped as annotated ones
+predicted_boxes = dict(top=0.95, least_likeness=0.2)  # objects stand apart, high and shaped as annotated ones
 pseudo_geometry = 0.0  # pasted objects teach where a box lies
 paste_objects = 8  # annotated objects of other frames copied into each training frame
 paste_accepted = False  # True: pseudo objects of the round, too
@@ -46,7 +46,7 @@ oversegmenter = dict(
 )
 max_gap = 0.6  # m between adjacent regions
 merge = dict(rounds='${label_refreshes}', centre_distance=[1.2, 0.5, 0.7, None])  # as classes, then background
-# The paper's gamma is .75 for all. Here unknown points count as background in part, so the network is taught that hidden
+# For groups of regions (teacher=None). The paper's gamma is .75 for all. Here unknown points count as background in part, so the network is taught that hidden
 # objects are none, and no confidence means the same for every class and budget. So every group that is more likely an
 # object than not becomes a candidate, its score asks the predicted boxes too, and the best share of each class, over all
 # scenes, becomes pseudo boxes. The network alone never makes background.

@@ -17,7 +17,7 @@ on_ground = True
 score_by_points = True
 aug_prob = 0.25
 teacher = '${predicted_boxes}'  # predicted boxes become pseudo boxes
-predicted_boxes = dict(top=0.95, unlike=0.2)  # objects stand apart on the ground, high and shaped as annotated ones
+predicted_boxes = dict(top=0.95, least_likeness=0.2)  # objects stand apart, high and shaped as annotated ones
 pseudo_geometry = 0.0  # pasted objects teach where a box lies
 paste_objects = 8  # annotated objects of other frames copied into each training frame
 paste_accepted = False  # True: pseudo objects of the round, too

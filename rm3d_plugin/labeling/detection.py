@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from mmengine.dist import all_gather_object
 
 from rm3d_plugin.evaluation.functional import SceneTruth
-from rm3d_plugin.labeling.clusters import ClusterKnowledge
+from rm3d_plugin.labeling.cluster_knowledge import ClusterKnowledge
 from rm3d_plugin.labeling.label_maker import LabelMaker, Log, Predictions, SceneLabels, Task
 from rm3d_plugin.labeling.prepared_scenes import PreparedScenes
 from rm3d_plugin.labeling.round_summary import summarise_boxes, with_agreement, with_steps
@@ -143,11 +143,11 @@ class DetectionLabelMaker(LabelMaker):
         return self._class_counts
 
     def statistics(self) -> LabelStatistics:
-        """Counts and sizes of the annotated boxes, and whether network or shapes judged every place of the labels."""
+        """Counts and sizes of the annotated boxes, and whether network or shapes judged the places in the labels."""
         sizes = self.mean_sizes if np.isfinite(self.mean_sizes).all() else None
         teacher, judged = self.rules.teacher, False
         if teacher is not None and teacher.ignore_unknown:
-            judged = bool(self.store.current_round()) or (teacher.unlike > 0 and bool(self.class_counts.all()))
+            judged = bool(self.store.current_round()) or self._shapes_tell()
         return LabelStatistics(self.class_counts, sizes, judged)
 
     # ------------------------------------------------------------------ labels
@@ -238,10 +238,15 @@ class DetectionLabelMaker(LabelMaker):
         clusters = self._cluster_knowledge().of(scene_id, ground) if self._uses_clusters else None
         return ObjectKnowledge(self.mean_sizes, ground.height, *limits, self.size_ranges, clusters)
 
+    def _shapes_tell(self) -> bool:
+        """Whether shapes are asked and known of every class."""
+        teacher = self.rules.teacher
+        return teacher is not None and teacher.least_likeness > 0 and self._cluster_knowledge().of_every_class
+
     @property
     def _uses_clusters(self) -> bool:
         teacher = self.rules.teacher
-        return teacher is not None and (teacher.source == 'clusters' or teacher.unlike > 0)
+        return teacher is not None and (teacher.source == 'clusters' or teacher.least_likeness > 0)
 
     def _cluster_knowledge(self) -> ClusterKnowledge:
         if self._clusters is None:
@@ -249,7 +254,13 @@ class DetectionLabelMaker(LabelMaker):
         return self._clusters
 
     def check(self, number: int, log: Log) -> None:
-        """Nothing is kept aside."""
+        """Nothing is kept aside; the log tells where shapes cannot be asked."""
+        teacher = self.rules.teacher
+        if number == 0 and teacher is not None and teacher.least_likeness > 0 and not self._shapes_tell():
+            log(
+                'predicted_boxes.least_likeness: shapes tell nothing of background here, since not every class has two '
+                'annotated boxes with points'
+            )
 
     def regions(self, scene_id: str) -> Regions | None:
         """The partition."""

@@ -14,8 +14,8 @@ class LabelStatistics:
         class_counts: (C,) annotated labels of each class: points in segmentation, boxes in detection.
         mean_sizes: (C, 3) length, width and height of each class in metres; None where they are not known for every
             class, as in segmentation.
-        judged: Whether the labels in use heard what a network, or its shape, says of every place, so that what is
-            unknown in them is doubtful, and not likely background.
+        judged: Whether the labels in use heard what a network or the shape of things says, so that what is unknown in
+            them is doubtful, and not likely background.
 
     Raises:
         ValueError: A count is negative, a size is not a positive length, or both speak of different classes.

@@ -22,9 +22,9 @@ def test_boxes_of_streets_stand_on_the_ground_and_ask_the_points(leaf, streets):
     rules = detection_rules(teacher=config.teacher)
     assert (rules.teacher is not None) == streets
     if streets:
-        assert (rules.teacher.top, rules.teacher.unlike, rules.teacher.share) == (0.95, 0.2, 0.7)
+        assert (rules.teacher.top, rules.teacher.least_likeness, rules.teacher.share) == (0.95, 0.2, 0.7)
     usual = detection_rules(teacher=config.predicted_boxes).teacher
-    assert usual.share == 0.7 and (usual.top > 0) == (usual.unlike > 0) == streets
+    assert usual.share == 0.7 and (usual.top > 0) == (usual.least_likeness > 0) == streets
 
 
 @pytest.mark.parametrize(
@@ -33,9 +33,9 @@ def test_boxes_of_streets_stand_on_the_ground_and_ask_the_points(leaf, streets):
         ({}, None, True),  # shapes tell from the start what is background
         ({}, 0, True),
         ({}, 1, True),
-        ({'predicted_boxes.unlike': 0.0}, None, False),
-        ({'predicted_boxes.unlike': 0.0}, 0, False),
-        ({'predicted_boxes.unlike': 0.0}, 1, True),
+        ({'predicted_boxes.least_likeness': 0.0}, None, False),
+        ({'predicted_boxes.least_likeness': 0.0}, 0, False),
+        ({'predicted_boxes.least_likeness': 0.0}, 1, True),
         ({'predicted_boxes.ignore_unknown': False}, 1, False),
         ({'teacher': None}, 1, False),
     ],
@@ -49,8 +49,9 @@ def test_labels_judged_every_place_once_shapes_or_predicted_boxes_made_them(opti
         store=SimpleNamespace(current_round=lambda: round_in_use),
         class_counts=np.ones(3, int),
         mean_sizes=sizes,
+        _shapes_tell=lambda: rules.teacher is not None and rules.teacher.least_likeness > 0,
     )
     told = DetectionLabelMaker.statistics(maker)
     assert told.judged == judged and told.mean_sizes is sizes
-    maker.class_counts = np.array([1, 0, 1])  # of one class nobody knows the shape
+    maker._shapes_tell = lambda: False  # of some class nobody knows what its objects look like
     assert DetectionLabelMaker.statistics(maker).judged == (judged and bool(round_in_use))

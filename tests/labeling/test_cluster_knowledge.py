@@ -5,11 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rm3d_plugin.labeling import clusters as module
-from rm3d_plugin.labeling.clusters import ClusterKnowledge
+from rm3d_plugin.labeling import cluster_knowledge as module
+from rm3d_plugin.labeling.cluster_knowledge import ClusterKnowledge
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import AnnotatedLabels
 from rm3d_plugin.structures import Boxes3D, PointCloud
+from rm3d_plugin.structures.point_cloud import SceneError
 
 SIZES = np.array([[4.0, 2.0, 1.5], [0.8, 0.6, 1.8]])
 CARS, PEOPLE, WALLS = (8.0, 18.0), (13.0, 28.0), (23.0,)
@@ -81,6 +82,28 @@ def test_so_many_scenes_are_looked_at(monkeypatch):
     assert set(asked) == {'s0', 's2'}  # one with boxes, one without
     others = told.of('s1', segment_ground(CLOUDS['s1'].xyz)).annotated  # its objects were not learnt from
     assert (others[:3] > 0.2).all() and others[3] == 0.0
+
+
+def test_objects_of_a_class_that_was_not_learnt_are_like_nothing_that_is_known(monkeypatch):
+    monkeypatch.setattr(module, 'SCENES', 1)
+
+    def cars_first(scene_id):
+        given = annotated(scene_id)
+        kept = given.boxes.labels == 0 if scene_id == 's0' else given.boxes.labels >= 0
+        return AnnotatedLabels(given.semantic, given.instance, given.boxes.select(kept))
+
+    told = ClusterKnowledge(list(CLOUDS), SCENES, cars_first, SIZES)
+    others = told.of('s1', segment_ground(CLOUDS['s1'].xyz))
+    assert not told.of_every_class and np.isnan(others.likeness[:, 1]).all()
+    assert (others.annotated[:2] > 0).all() and others.annotated[2:].tolist() == [0.0, 0.0]
+
+
+def test_scenes_with_and_without_intensity_are_told_apart():
+    clouds = CLOUDS | {'s3': PointCloud(CLOUDS['s3'].xyz, intensity=np.ones(len(CLOUDS['s3'])))}
+    scenes = SimpleNamespace(get=lambda scene_id: SimpleNamespace(cloud=clouds[scene_id]))
+    told = ClusterKnowledge(list(clouds), scenes, annotated, SIZES)
+    with pytest.raises(SceneError, match=r's3: expected intensity and colours as in s2'):
+        told.of('s0', segment_ground(clouds['s0'].xyz))
 
 
 def test_without_boxes_nothing_is_like_anything():

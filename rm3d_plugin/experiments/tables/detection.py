@@ -28,7 +28,7 @@ MECHANISMS = Table(
         Row('default, also of classes that are not recognised', LEAF, {'predicted_boxes': {'recognised': 0.0}}),
         Row('default, whatever is above them', LEAF, {'predicted_boxes': {'free_above': 0.0}}),
         Row('default, of any height', LEAF, {'predicted_boxes': {'top': 0.0}}),
-        Row('default, of any shape', LEAF, {'predicted_boxes': {'unlike': 0.0}}),
+        Row('default, shapes are not asked', LEAF, {'predicted_boxes': {'least_likeness': 0.0}}),
         Row('default, never more than in the round before', LEAF, {'predicted_boxes': {'growth': 1.0}}),
         Row(
             'default, what is unknown counts as background in part in all rounds',
@@ -39,7 +39,11 @@ MECHANISMS = Table(
         Row('default, boxes around clusters above the ground', LEAF, {'predicted_boxes': {'source': 'clusters'}}),
         Row('default, labels by a running mean of the network', LEAF, MEAN_TEACHER),
         Row('default + IoU head', LEAF, IOU),
-        Row('default + reliable background alone, from the start', LEAF, {'unlabelled_weight': 0.0}),
+        Row(
+            'default, shapes are not asked + reliable background alone, from the start',
+            LEAF,
+            {'unlabelled_weight': 0.0, 'predicted_boxes': {'least_likeness': 0.0}},
+        ),
         Row('default + boxes fitted to the points', LEAF, {'predicted_boxes': {'refit': True}}),
         Row('default + prototypes', LEAF, {'prototype_loss': '${class_prototypes}'}),
         Row('default + pasting of accepted objects', LEAF, {'paste_accepted': True}),

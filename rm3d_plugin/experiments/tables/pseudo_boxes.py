@@ -52,7 +52,6 @@ RULES = {
     'boxes around clusters above the ground': Rule({'source': 'clusters'}),
     'the default, whatever is above': Rule({'free_above': 0.0}),
     'the default, of any height': Rule({'top': 0.0}),
-    'the default, of any shape': Rule({'unlike': 0.0}),
     'the default, from half of the usual score on': Rule({'share': 0.5}),
 }
 
@@ -126,7 +125,7 @@ def summary_of_rule(
     """What the label maker says of the labels of round 1; nothing of the run is changed."""
     (hook,) = label_hooks(network.config, 'there are no labels to make')
     with tempfile.TemporaryDirectory() as store:
-        teacher = None if rule.teacher is None else {**(hook.label_maker.teacher or {}), **rule.teacher}
+        teacher = None if rule.teacher is None else {**(hook.label_maker.get('teacher') or {}), **rule.teacher}
         maker: LabelMaker = TASK_UTILS.build({**hook.label_maker, 'store': store, 'teacher': teacher})
         maker.source.open(folder / 'labels', resume=True)
         maker.make_first_labels()

@@ -13,6 +13,7 @@ from rm3d_plugin.pseudo_labels.common.kernel_classifier import Scaling, evenly_s
 
 LENGTH = 0.8  # of the kernel, in root mean square deviations of the columns
 RIDGE = 0.1  # of the weights
+_CHUNK = 1 << 14  # rows that are compared at once
 CENTRES = 300  # of the kernels at most, at labelled rows and as many at others
 
 
@@ -38,7 +39,7 @@ class DensityRatio(NamedTuple):
 def fit_density_ratio(
     labelled: Float[np.ndarray, 'labelled features'], rows: Float[np.ndarray, 'rows features'], scaling: Scaling
 ) -> tuple[DensityRatio, Float[np.ndarray, ' labelled']]:
-    """The ratio, and what it is at each labelled row where that row is left out.
+    """The ratio, and what it is at each labelled row where that row is left out of the mean; its kernel stays.
 
     Args:
         labelled: Rows of the denser kind, not scaled; at least one. One alone is not left out.
@@ -54,11 +55,13 @@ def fit_density_ratio(
         )
     everything, own = scaling.apply(rows), scaling.apply(labelled)
     centres = np.concatenate([part[evenly_spread(len(part), CENTRES)] for part in (own, everything)])
-    near, at_own = (gaussian_kernel(part, centres, LENGTH).astype(np.float64) for part in (everything, own))
-    gram = near.T @ near / len(rows) + RIDGE * np.eye(len(centres))
+    gram = RIDGE * np.eye(len(centres))
+    for first in range(0, len(rows), _CHUNK):
+        near = gaussian_kernel(everything[first : first + _CHUNK], centres, LENGTH).astype(np.float64)
+        gram += near.T @ near / len(rows)
+    at_own = gaussian_kernel(own, centres, LENGTH).astype(np.float64)
     solved = np.linalg.solve(gram, at_own.T)  # (M, labelled): weights that each labelled row asks for
-    said = at_own @ solved
-    count = len(labelled)
-    others = (said.sum(axis=1) - np.diag(said)) / (count - 1) if count > 1 else np.diag(said)
+    of_itself, count = np.einsum('ij,ji->i', at_own, solved), len(labelled)
+    others = (at_own @ solved.sum(axis=1) - of_itself) / (count - 1) if count > 1 else of_itself
     ratio = DensityRatio(scaling, centres, solved.mean(axis=1))
     return ratio, np.maximum(others, 0.0)

@@ -20,6 +20,7 @@ LINK = 0.5  # of the narrowest class's width: points nearer than this to one ano
 TALLEST = 1.5  # of the highest class's height: points higher than this above the ground are of no cluster
 SLABS = 5  # of equal height, up to the highest class's
 LEAST = 5  # points of a cluster
+USUAL_RANGE = 10.0  # m
 
 
 class ObjectClusters(NamedTuple):
@@ -28,8 +29,9 @@ class ObjectClusters(NamedTuple):
     Attributes:
         point: (N,) int64 cluster of each point, -1 = none.
         likeness: (K, C) how like annotated objects of each class a cluster is, against clusters at large; 1: as much as
-            these are like each other. NaN: the class has no annotated object.
-        annotated: (B,) the same of each annotated box for its own class, from the others; 0 for one without points.
+            these are like each other. NaN: nobody knows what objects of the class look like.
+        annotated: (B,) the same of each annotated box for its own class, from the others; 0 for one without points, or
+            where nobody knows.
     """
 
     point: Int[np.ndarray, ' points']
@@ -65,8 +67,8 @@ def shapes(
 
     Highest and lowest height above the ground; extents and deviations along the two principal axes from above; how many
     points it would have at 10 m, logarithm; in slabs of equal height the share of the points and both extents;
-    intensity (mean, deviation, ninth decile) and colour (mean, deviation of each channel), where there are any. A
-    cluster without points has zeros.
+    mean, deviation and ninth decile of intensity and of each channel of colour, where there are any. A cluster without
+    points has zeros. Where nobody knows the sensor, its own number of points counts.
 
     Args:
         cloud: The scene.
@@ -77,26 +79,24 @@ def shapes(
     """
     order = np.argsort(owner, kind='stable')
     starts = np.searchsorted(owner[order], np.arange(count + 1))
-    sensor = np.zeros(3) if cloud.sensor is None else np.asarray(cloud.sensor)
+    xyz = cloud.xyz.astype(np.float64)
+    reach = np.full(len(xyz), USUAL_RANGE) if cloud.sensor is None else np.hypot(*(xyz - cloud.sensor)[:, :2].T)
     channels = [part for part in (cloud.intensity, cloud.colors) if part is not None]
     beside = np.column_stack([np.zeros((len(cloud), 0)), *channels]).astype(np.float64)
-    xyz = cloud.xyz.astype(np.float64)
     empty = np.zeros(7 + 3 * SLABS + 3 * beside.shape[1])
     rows = [
-        _shape(xyz[own], height[own], beside[own], sensor, tall) if len(own) else empty
+        _shape(xyz[own], height[own], beside[own], float(reach[own].mean()), tall) if len(own) else empty
         for own in (order[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
     ]
     return np.array(rows).reshape(count, len(empty))
 
 
-def _shape(xyz: np.ndarray, height: np.ndarray, beside: np.ndarray, sensor: np.ndarray, tall: float) -> np.ndarray:
-    middle = xyz[:, :2].mean(axis=0)
-    flat = xyz[:, :2] - middle
+def _shape(xyz: np.ndarray, height: np.ndarray, beside: np.ndarray, reach: float, tall: float) -> np.ndarray:
+    flat = xyz[:, :2] - xyz[:, :2].mean(axis=0)
     _, axes = np.linalg.eigh(flat.T @ flat)
     flat = flat @ axes[:, ::-1]  # longest first
-    reach = float(np.hypot(*(middle - sensor[:2])))
     values = [height.max(), height.min(), *np.ptp(flat, axis=0), *flat.std(axis=0)]
-    values.append(np.log1p(len(xyz) * (reach / 10.0) ** 2))
+    values.append(np.log1p(len(xyz) * (reach / USUAL_RANGE) ** 2))
     slab = np.floor(height * (SLABS / tall))
     for number in range(SLABS):
         own = flat[slab == number]
@@ -108,6 +108,8 @@ def _shape(xyz: np.ndarray, height: np.ndarray, beside: np.ndarray, sensor: np.n
 def named_clusters(clusters: ObjectClusters, probabilities: Float[np.ndarray, 'points classes']) -> PredictedInstances:
     """Each cluster as an instance of the class that is likeliest by the network and by its shape together.
 
+    A cluster of which both say nothing is no instance.
+
     Args:
         clusters: Of a scene.
         probabilities: Softmax of the points, background last; NaN where the network saw none, which counts as 0.
@@ -115,14 +117,16 @@ def named_clusters(clusters: ObjectClusters, probabilities: Float[np.ndarray, 'p
     count, classes = clusters.likeness.shape
     said = segment_mean(np.nan_to_num(probabilities[:, :classes]), clusters.point, count)
     scores = said * np.minimum(np.nan_to_num(clusters.likeness), 1.0)
-    labels = scores.argmax(axis=1) if count else np.zeros(0, dtype=np.int64)
-    return PredictedInstances(clusters.point, labels.astype(np.int64), scores[np.arange(count), labels])
+    scores = np.column_stack([np.zeros(count), scores])  # a first column, so that no class is among the answers
+    named = scores.argmax(axis=1)
+    row = np.append(np.where(named > 0, np.cumsum(named > 0) - 1, -1), -1)
+    return PredictedInstances(row[clusters.point], named[named > 0] - 1, scores.max(axis=1)[named > 0])
 
 
 def unlike_points(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, ' points']:
-    """Points of clusters that are like no class's annotated objects, see :attr:`TeacherRules.unlike`.
+    """Points of clusters that are like no class's annotated objects, see :attr:`TeacherRules.least_likeness`.
 
-    Where a class has no annotated object there are none: nobody knows what its objects look like.
+    Where nobody knows what objects of some class look like there are none.
     """
     unlike = (clusters.likeness < least).all(axis=1)
     return np.asarray(np.append(unlike, False)[clusters.point])
@@ -132,15 +136,20 @@ class Likeness(NamedTuple):
     """How like the annotated objects of each class something is.
 
     Attributes:
-        ratios: Of each class; None: the class has no annotated object.
+        ratios: Of each class; None: it has not two annotated objects, so nobody knows what is usual.
         usual: (C,) what the ratio is at annotated objects that are left out, the median.
     """
 
     ratios: tuple[DensityRatio | None, ...]
     usual: Float[np.ndarray, ' classes']
 
+    @property
+    def of_every_class(self) -> bool:
+        """Whether it is known of every class."""
+        return all(ratio is not None for ratio in self.ratios)
+
     def of(self, rows: Float[np.ndarray, 'clusters features']) -> Float[np.ndarray, 'clusters classes']:
-        """Likeness of rows of :func:`shapes` to each class; NaN for a class without annotated objects."""
+        """Likeness of rows of :func:`shapes` to each class; NaN for one without a ratio."""
         out = np.full((len(rows), len(self.ratios)), np.nan)
         for c, ratio in enumerate(self.ratios):
             if ratio is not None and len(rows):
@@ -162,16 +171,18 @@ def fit_likeness(
     Args:
         annotated: Rows of :func:`shapes`.
         labels: Classes of the annotated objects.
-        clusters: Rows of :func:`shapes`, at least one where there is an annotated object.
+        clusters: Rows of :func:`shapes`; without any nothing is learnt.
         classes: C.
     """
     usual, left_out = np.ones(classes), np.zeros(len(labels))
     ratios: list[DensityRatio | None] = [None] * classes
-    if not len(labels):
+    if not len(clusters):
         return Likeness(tuple(ratios), usual), left_out
     scaling = scaling_of(clusters)
-    for c in np.unique(labels).tolist():
+    for c in range(classes):
         own = labels == c
+        if own.sum() < 2:
+            continue
         ratio, without = fit_density_ratio(annotated[own], clusters, scaling)
         usual[c] = max(float(np.median(without)), LEAST_USUAL * float(np.median(ratio.of(annotated[own]))), 1e-12)
         ratios[c], left_out[own] = ratio, without / usual[c]

@@ -179,26 +179,29 @@ def _candidates(
     background: Bool[np.ndarray, ' points'],
 ) -> Candidates:
     assert rules.teacher is not None
-    boxes = _proposed(scene, rules.teacher, _object_context(scene, knowledge, rules.objects), knowledge.clusters)
+    boxes = _proposed(scene, rules.teacher, _object_context(scene, knowledge, rules.objects), knowledge)
     known, sizes = scene.annotated.boxes, knowledge.ranges
     if sizes is None:
         sizes = size_ranges(np.zeros((0, 7)), np.zeros(0, dtype=np.int64), knowledge.mean_sizes)
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
-    if rules.teacher.source == 'clusters' and knowledge.clusters is not None:
-        shown = shown._replace(scores=shown.probs * np.minimum(knowledge.clusters.annotated, 1.0))
+    if rules.teacher.source == 'clusters':
+        shown = shown._replace(scores=shown.probs * np.minimum(_clusters(knowledge, 'source').annotated, 1.0))
     return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height)
 
 
-def _proposed(
-    scene: SceneInputs, rules: TeacherRules, context: ObjectContext, clusters: ObjectClusters | None
-) -> Boxes3D:
+def _clusters(knowledge: ObjectKnowledge, field: str) -> ObjectClusters:
+    if knowledge.clusters is None:
+        raise ValueError(f'predicted_boxes.{field}: needs clusters, but nobody gave them (ObjectKnowledge.clusters)')
+    return knowledge.clusters
+
+
+def _proposed(scene: SceneInputs, rules: TeacherRules, context: ObjectContext, knowledge: ObjectKnowledge) -> Boxes3D:
     """Boxes that the network predicts, or those around the instances that it makes or around clusters."""
     said = scene.prediction
     if said is None:
         return Boxes3D.empty()
     if rules.source == 'clusters':
-        if clusters is None:
-            raise ValueError("predicted_boxes.source: 'clusters', but nobody gave them (ObjectKnowledge.clusters)")
+        clusters = _clusters(knowledge, 'source')
         return boxes_of_instances(context, named_clusters(clusters, said.probabilities))
     if rules.source == 'boxes':
         return Boxes3D.empty() if said.boxes is None else said.boxes
@@ -226,8 +229,10 @@ def _objects_of_teacher(
     if rules.teacher.refit:
         objects = _refitted(objects, _object_context(scene, knowledge, rules.objects), empty.surely)
     free = (objects.point_box < 0) & ~objects.rejected & (annotation.seeds < 0)
-    unlike = found.empty if knowledge.clusters is None else unlike_points(knowledge.clusters, rules.teacher.unlike)
-    empty_points = ((empty.surely | found.empty | unlike) & (objects.point_box < 0)) | (empty.large & free)
+    nothing_there = empty.surely | found.empty
+    if rules.teacher.least_likeness:
+        nothing_there |= unlike_points(_clusters(knowledge, 'least_likeness'), rules.teacher.least_likeness)
+    empty_points = (nothing_there & (objects.point_box < 0)) | (empty.large & free)
     if sure is not None and scene.probabilities is not None:
         empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= sure)
     nothing = LabelAssembly(np.full(len(scene.xyz), UNLABELLED), np.zeros(len(scene.xyz), dtype=np.float32))

@@ -100,10 +100,11 @@ class TeacherRules:
             ground, the widest gap in height between them included, since beams may pass just over an object; nor may
             they be higher than the highest annotated box over this share. What has no class's height is background.
             0: never asked.
-        unlike: Points above the ground fall into clusters, and annotated objects tell how like them each is by its
-            shape (1: as these are like each other). A cluster whose likeness to each class is below this is background,
-            from the first labels on, and all others are in doubt until they are objects. Larger: more background,
-            fewer hidden objects spared. 0: never asked.
+        least_likeness: Points above the ground fall into clusters, and annotated objects tell how like them each is by
+            its shape (1: as these are like each other). A cluster whose likeness to each class is below this is
+            background where no pseudo box is, from the first labels on, and what is still unknown is in doubt. Asked
+            where each class has two annotated objects or more. Larger: more background, fewer hidden objects spared. 0:
+            never asked.
         growth: A round may expect so many times the objects of a class that the last one did. A network that learnt
             from pseudo boxes confirms them and finds more; larger: trusts it more. Where whole scenes are labelled,
             their counts tell the number.
@@ -111,8 +112,8 @@ class TeacherRules:
         refit: The class's usual box is fitted to the points of an accepted box, and takes its place.
         background: Probability from which the network makes a point background that lies in no candidate's box. None:
             geometry alone makes background.
-        ignore_unknown: Once the network or shapes (``unlike``) were asked, what is unknown is ignored in training;
-            False: it goes on to count as background in part (``unlabelled_weight``), hidden objects with it.
+        ignore_unknown: Once the network or shapes (``least_likeness``) were asked, what is unknown is ignored in
+            training; False: it goes on to count as background in part (``unlabelled_weight``), hidden objects with it.
     """
 
     source: Proposed = 'boxes'
@@ -122,7 +123,7 @@ class TeacherRules:
     min_points: int = 5
     free_above: float = 0.95
     top: float = 0.0
-    unlike: float = 0.0
+    least_likeness: float = 0.0
     growth: float = 2.0
     max_iou: float = 0.1
     refit: bool = False
@@ -138,7 +139,7 @@ class TeacherRules:
         check_field(self, 'min_points', self.min_points >= 1, 'at least 1')
         check_field(self, 'free_above', 0 <= self.free_above <= 1, 'a share in [0, 1]')
         check_field(self, 'top', 0 <= self.top <= 1, 'a share in [0, 1]')
-        check_field(self, 'unlike', 0 <= self.unlike <= 1, 'a share in [0, 1]')
+        check_field(self, 'least_likeness', 0 <= self.least_likeness <= 1, 'a share in [0, 1]')
         check_field(self, 'growth', self.growth >= 1, 'at least 1')
         check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
         sure = self.background

@@ -52,6 +52,13 @@ def test_shapes_by_hand():
     assert got[0, -3:] == pytest.approx([0.3, np.std([0, 0.2, 0.4, 0.6]), np.quantile([0, 0.2, 0.4, 0.6], 0.9)])
 
 
+def test_where_nobody_knows_the_sensor_points_count_as_they_are():
+    xyz = np.random.default_rng(4).uniform(20, 21, size=(30, 3))
+    owner = np.zeros(30, dtype=int)
+    far, unknown = (shapes(PointCloud(xyz, sensor=at), xyz[:, 2], owner, 1, 1.8) for at in ((0.0, 0.0, 0.0), None))
+    assert unknown[0, 6] == pytest.approx(np.log1p(30)) and far[0, 6] > unknown[0, 6] + 2
+
+
 def test_shapes_do_not_ask_which_way_something_is_turned():
     rng = np.random.default_rng(1)
     xyz = block(8, -1, (4, 1.5, 1.6), rng)
@@ -80,10 +87,12 @@ def test_what_is_shaped_like_annotated_objects_is_like_them():
         assert np.median(left_out[labels == c]) == pytest.approx(1.0)
 
 
-def test_without_annotated_objects_nothing_is_like_any():
+@pytest.mark.parametrize(('objects', 'clusters'), [(0, 20), (1, 20), (3, 0)])
+def test_from_one_object_or_no_cluster_nobody_knows_what_is_usual(objects, clusters):
     rows = np.random.default_rng(3).normal(size=(20, 5))
-    likeness, left_out = fit_likeness(rows[:0], np.zeros(0, dtype=int), rows, 2)
-    assert np.isnan(likeness.of(rows)).all() and likeness.of(rows[:0]).shape == (0, 2) and len(left_out) == 0
+    likeness, left_out = fit_likeness(rows[:objects], np.ones(objects, dtype=int), rows[:clusters], 2)
+    assert not likeness.of_every_class and not left_out.any()
+    assert np.isnan(likeness.of(rows)).all() and likeness.of(rows[:0]).shape == (0, 2)
 
 
 POINT = np.array([0, 0, 0, 1, 1, -1, 2])
@@ -93,8 +102,11 @@ CLUSTERS = ObjectClusters(POINT, np.array([[2.0, 0.1], [0.5, 0.4], [0.1, 0.2]]),
 def test_clusters_are_named_by_network_and_shape():
     rows = np.array([[0.6, 0.4, 0.0]] * 3 + [[0.2, 0.6, 0.2], [np.nan] * 3, [1.0, 0, 0], [0.0, 0.0, 1.0]])
     got = named_clusters(CLUSTERS, rows)
-    assert got.point is POINT and got.labels.tolist() == [0, 1, 0]
-    assert got.scores == pytest.approx([0.6 * 1.0, 0.3 * 0.4, 0.0])  # likeness counts up to 1; unseen points count as 0
+    assert got.point.tolist() == [0, 0, 0, 1, 1, -1, -1] and got.labels.tolist() == [
+        0,
+        1,
+    ]  # of the third both say nothing
+    assert got.scores == pytest.approx([0.6 * 1.0, 0.3 * 0.4])  # likeness counts up to 1; unseen points count as 0
     nothing = named_clusters(ObjectClusters(np.full(7, -1), np.zeros((0, 2)), np.zeros(0)), rows)
     assert len(nothing.labels) == len(nothing.scores) == 0
 

@@ -110,17 +110,17 @@ def clusters_of_cars(*likeness):
 
 
 def test_what_has_no_shape_of_a_class_is_background():
-    got = refresh(scene(), clusters=clusters_of_cars(0.9, 0.5, 0.2), unlike=0.3).labels
+    got = refresh(scene(), clusters=clusters_of_cars(0.9, 0.5, 0.2), least_likeness=0.3).labels
     assert got.semantic.tolist() == [0] * 27 + [1] * 17  # the doubtful place at 40 is none
     assert (refresh(scene(), clusters=clusters_of_cars(0.9, 0.5, 0.2)).labels.semantic[27:36] == -1).all()
-    accepted = refresh(scene(), clusters=clusters_of_cars(0.9, 0.1, 0.2), unlike=0.3).labels
+    accepted = refresh(scene(), clusters=clusters_of_cars(0.9, 0.1, 0.2), least_likeness=0.3).labels
     assert accepted.boxes.tensor[:, 0].tolist() == [10.0, 20.0, 30.0] and (accepted.semantic[18:27] == 0).all()
 
 
 def test_shapes_make_background_before_any_network_is_asked():
     inputs = replace(scene(), prediction=None)
     knowledge = ObjectKnowledge(SIZES, inputs.xyz[:, 2], clusters=clusters_of_cars(0.9, 0.2, 0.5))
-    rules = detection_rules(teacher={'unlike': 0.3})
+    rules = detection_rules(teacher={'least_likeness': 0.3})
     got = refresh_detection(inputs, RoundContext(0, rules, np.array([1])), knowledge).labels
     assert len(got.boxes) == 1 and got.semantic[:36].tolist() == [0] * 9 + [-1] * 9 + [1] * 9 + [-1] * 9
 
@@ -135,8 +135,10 @@ def test_clusters_propose_boxes_where_that_is_asked():
     knowledge = ObjectKnowledge(SIZES, inputs.xyz[:, 2], clusters=clusters)
     shown = find_candidates(inputs, detection_rules(teacher={'source': 'clusters'}), knowledge).shown
     assert shown.scores.tolist() == pytest.approx([0.8 * 0.8])
-    with pytest.raises(ValueError, match=r"predicted_boxes\.source: 'clusters', but nobody gave them"):
+    with pytest.raises(ValueError, match=r'predicted_boxes\.source: needs clusters, but nobody gave them'):
         refresh(inputs, source='clusters')
+    with pytest.raises(ValueError, match=r'predicted_boxes\.least_likeness: needs clusters'):
+        refresh(inputs, least_likeness=0.2)
 
 
 def test_without_limits_nothing_is_accepted():

@@ -20,6 +20,7 @@ from rm3d_plugin.pseudo_labels.detection.clusters import (
     object_clusters,
     shapes,
 )
+from rm3d_plugin.structures.point_cloud import SceneError
 
 SCENES = 200  # with an annotated box, and as many without, whose clusters are looked at at most
 
@@ -30,13 +31,16 @@ class _Fitted(NamedTuple):
 
 
 class ClusterKnowledge:
-    """Likeness of clusters to annotated objects, learnt at first use.
+    """Likeness of clusters to annotated objects, learnt at first use from up to 200 scenes with and 200 without boxes.
 
     Args:
         scene_ids: All scenes.
         scenes: Their geometry.
         annotated: Gives the annotated labels of a scene that training may know.
         sizes: (C, 3) usual sizes of the classes, metres.
+
+    Raises:
+        SceneError: Some scenes have intensity or colours, and others have not.
     """
 
     def __init__(
@@ -49,6 +53,11 @@ class ClusterKnowledge:
         self._scene_ids, self._scenes, self._annotated, self._sizes = scene_ids, scenes, annotated, sizes
         self._tall = float(np.nanmax(sizes[:, 2], initial=0.0))
 
+    @property
+    def of_every_class(self) -> bool:
+        """Whether annotated objects tell of every class what its objects look like."""
+        return self._fitted.likeness.of_every_class
+
     def of(self, scene_id: str, ground: GroundResult) -> ObjectClusters:
         """Clusters of a scene.
 
@@ -60,7 +69,8 @@ class ClusterKnowledge:
         known = self._fitted.annotated.get(scene_id)
         if known is None:  # its objects were not learnt from
             labels, objects = self._annotated(scene_id).boxes.labels, self._objects(scene_id, ground)
-            known = objects.any(axis=1) * self._fitted.likeness.of(objects)[np.arange(len(labels)), labels]
+            told = self._fitted.likeness.of(objects)[np.arange(len(labels)), labels]
+            known = objects.any(axis=1) * np.nan_to_num(told)
         return ObjectClusters(point, self._fitted.likeness.of(rows), known)
 
     def _clusters(self, scene_id: str, ground: GroundResult) -> tuple[np.ndarray, np.ndarray]:
@@ -87,6 +97,12 @@ class ClusterKnowledge:
             clusters.append(self._clusters(scene, ground)[1])
             objects.append(self._objects(scene, ground))
             labels.append(self._annotated(scene).boxes.labels)
+        for scene, part in zip(chosen, clusters, strict=True):
+            if part.shape[1] != clusters[0].shape[1]:
+                raise SceneError(
+                    f'{scene}: expected intensity and colours as in {chosen[0]}, since what objects look like is '
+                    'compared over all scenes; give all scenes the same, or set predicted_boxes.least_likeness=0'
+                )
         rows, of = np.concatenate(objects), np.concatenate(labels)
         seen = rows.any(axis=1)
         likeness, left_out = fit_likeness(rows[seen], of[seen], np.concatenate(clusters), len(self._sizes))
