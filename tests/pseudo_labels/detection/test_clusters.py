@@ -46,7 +46,7 @@ def test_shapes_by_hand():
     top, low, long, short, sd_long, sd_short, many = got[0, :7]
     assert (top, low) == pytest.approx((1.9, 0.2)) and (long, short) == pytest.approx((2.0, 0.0))
     assert sd_long == pytest.approx(np.sqrt(0.5)) and sd_short == pytest.approx(0.0, abs=1e-7)
-    assert many == pytest.approx(np.log1p(4 * 1.0))
+    assert many == pytest.approx(np.log1p(4 * ((10 + np.sqrt(101)) / 2 / 10) ** 2))
     slabs = got[0, 7:-3].reshape(SLABS, 3)
     assert slabs[:, 0].tolist() == [0.5, 0.0, 0.25, 0.0, 0.25] and slabs[:, 1] == pytest.approx([2.0, 0, 0, 0, 0])
     assert got[0, -3:] == pytest.approx([0.3, np.std([0, 0.2, 0.4, 0.6]), np.quantile([0, 0.2, 0.4, 0.6], 0.9)])
