@@ -102,10 +102,8 @@ CLUSTERS = ObjectClusters(POINT, np.array([[2.0, 0.1], [0.5, 0.4], [0.1, 0.2]]),
 def test_clusters_are_named_by_network_and_shape():
     rows = np.array([[0.6, 0.4, 0.0]] * 3 + [[0.2, 0.6, 0.2], [np.nan] * 3, [1.0, 0, 0], [0.0, 0.0, 1.0]])
     got = named_clusters(CLUSTERS, rows)
-    assert got.point.tolist() == [0, 0, 0, 1, 1, -1, -1] and got.labels.tolist() == [
-        0,
-        1,
-    ]  # of the third both say nothing
+    assert got.point.tolist() == [0, 0, 0, 1, 1, -1, -1]  # of the third both say nothing
+    assert got.labels.tolist() == [0, 1]
     assert got.scores == pytest.approx([0.6 * 1.0, 0.3 * 0.4])  # likeness counts up to 1; unseen points count as 0
     nothing = named_clusters(ObjectClusters(np.full(7, -1), np.zeros((0, 2)), np.zeros(0)), rows)
     assert len(nothing.labels) == len(nothing.scores) == 0
