@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.clustering import ball_clusters
 from rm3d_plugin.ops.segment import segment_mean
 from rm3d_plugin.pseudo_labels.common.density_ratio import DensityRatio, fit_density_ratio
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import scaling_of
 from rm3d_plugin.pseudo_labels.detection.instances import PredictedInstances
-from rm3d_plugin.structures import PointCloud
+from rm3d_plugin.structures import Boxes3D, PointCloud
 
 LINK = 0.5  # of the narrowest class's width: points nearer than this to one another are of one cluster
 TALLEST = 1.5  # of the highest class's height: points higher than this above the ground are of no cluster
@@ -121,6 +122,20 @@ def named_clusters(clusters: ObjectClusters, probabilities: Float[np.ndarray, 'p
     named = scores.argmax(axis=1)
     row = np.append(np.where(named > 0, np.cumsum(named > 0) - 1, -1), -1)
     return PredictedInstances(row[clusters.point], named[named > 0] - 1, scores.max(axis=1)[named > 0])
+
+
+def likeness_of_boxes(
+    clusters: ObjectClusters, xyz: Float[np.ndarray, 'points 3'], boxes: Boxes3D
+) -> Float[np.ndarray, ' boxes']:
+    """Likeness of each box to its class: that of the cluster with the most points in it; 0 without any."""
+    out = np.zeros(len(boxes))
+    inside = clusters.point >= 0
+    xyz, point = xyz[inside], clusters.point[inside]
+    for row in range(len(boxes)):
+        own = point[points_in_boxes(xyz, boxes.tensor[row : row + 1]) >= 0]
+        if len(own):
+            out[row] = clusters.likeness[np.bincount(own).argmax(), boxes.labels[row]]
+    return out
 
 
 def unlike_points(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, ' points']:

@@ -30,6 +30,7 @@ from rm3d_plugin.pseudo_labels.detection.boxes import (
 )
 from rm3d_plugin.pseudo_labels.detection.clusters import (
     ObjectClusters,
+    likeness_of_boxes,
     named_clusters,
     unlike_points,
 )
@@ -186,7 +187,10 @@ def _candidates(
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
     if rules.teacher.source == 'clusters':
         shown = shown._replace(scores=shown.probs * np.minimum(_clusters(knowledge, 'source').annotated, 1.0))
-    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height)
+    like = None
+    if rules.teacher.least_likeness:
+        like = likeness_of_boxes(_clusters(knowledge, 'least_likeness'), scene.xyz, boxes)
+    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height, like)
 
 
 def _clusters(knowledge: ObjectKnowledge, field: str) -> ObjectClusters:

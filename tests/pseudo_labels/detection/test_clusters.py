@@ -8,12 +8,13 @@ from rm3d_plugin.pseudo_labels.detection.clusters import (
     SLABS,
     ObjectClusters,
     fit_likeness,
+    likeness_of_boxes,
     named_clusters,
     object_clusters,
     shapes,
     unlike_points,
 )
-from rm3d_plugin.structures import PointCloud
+from rm3d_plugin.structures import Boxes3D, PointCloud
 
 SIZES = np.array([[4.0, 2.0, 1.5], [0.8, 0.6, 1.8], [np.nan] * 3])
 
@@ -107,6 +108,14 @@ def test_clusters_are_named_by_network_and_shape():
     assert got.scores == pytest.approx([0.6 * 1.0, 0.3 * 0.4])  # likeness counts up to 1; unseen points count as 0
     nothing = named_clusters(ObjectClusters(np.full(7, -1), np.zeros((0, 2)), np.zeros(0)), rows)
     assert len(nothing.labels) == len(nothing.scores) == 0
+
+
+def test_a_box_is_as_like_its_class_as_the_cluster_of_most_of_its_points():
+    xyz = np.array([[0.0, 0, 1], [0.1, 0, 1], [0.2, 0, 1], [0.3, 0, 1], [5, 0, 1], [9, 0, 1], [9.1, 0, 1]])
+    tensor = np.array([[x, 0, 1, 1.5, 1, 2, 0.0] for x in (0.0, 5.0, 9.0, 20.0)])
+    for label, expected in ((0, [2.0, 0.5, 0.1, 0.0]), (1, [0.1, 0.4, 0.2, 0.0])):
+        boxes = Boxes3D(tensor, np.full(4, label), np.ones(4))
+        assert likeness_of_boxes(CLUSTERS, xyz, boxes).tolist() == expected
 
 
 def test_points_of_clusters_like_no_class():

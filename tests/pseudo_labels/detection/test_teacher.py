@@ -64,6 +64,7 @@ def test_each_step_says_what_it_cost():
     cost = {
         'found': 6,
         'size': 1,
+        'shape': 0,
         'points': 2,
         'collision': 2,
         'above': 0,
@@ -119,6 +120,17 @@ def test_what_has_no_height_of_a_class_is_background():
     for rules, height in ((TeacherRules(min_points=3, top=0.0), xyz[:, 2]), (TeacherRules(min_points=3), None)):
         unasked = teacher_candidates(*given, rules, height)
         assert len(unasked.boxes) == 5 and not unasked.empty.any() and not np.any(unasked.steps.get('low', 0))
+
+
+def test_a_box_around_what_is_shaped_otherwise_does_not_pass():
+    given = [car(10), car(20), car(30), car(40, length=9.0), car(50)]
+    xyz, nowhere = cloud_in(given), np.zeros(40, dtype=bool)
+    rows = (xyz, nowhere, boxes(given, [0, 0, 1, 0, 0], [0.9] * 5), NOTHING, Boxes3D.empty(), SIZES)
+    likeness = np.array([0.2, 0.19, 0.0, 0.9, np.nan])  # of the last nobody knows; the third and fourth have no size
+    got = teacher_candidates(*rows, TeacherRules(least_likeness=0.2), likeness=likeness)
+    assert got.boxes.tensor[:, 0].tolist() == [10.0, 50.0]
+    assert got.steps['size'].tolist() == [1, 1] and got.steps['shape'].tolist() == [1, 0]
+    assert len(teacher_candidates(*rows, TeacherRules()).boxes) == 3
 
 
 def test_sizes_may_leave_the_range_of_annotated_boxes_by_a_factor():
