@@ -124,27 +124,29 @@ def named_clusters(clusters: ObjectClusters, probabilities: Float[np.ndarray, 'p
     return PredictedInstances(row[clusters.point], named[named > 0] - 1, scores.max(axis=1)[named > 0])
 
 
-def likeness_of_boxes(
-    clusters: ObjectClusters, xyz: Float[np.ndarray, 'points 3'], boxes: Boxes3D
-) -> Float[np.ndarray, ' boxes']:
-    """Likeness of each box to its class: that of the cluster with the most points in it; 0 without any."""
-    out = np.zeros(len(boxes))
-    inside = clusters.point >= 0
+def unlike_clusters(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, ' clusters']:
+    """Clusters that are like no class's annotated objects, see :attr:`TeacherRules.least_likeness`.
+
+    Where nobody knows what objects of some class look like there are none.
+    """
+    return np.asarray((clusters.likeness < least).all(axis=1), dtype=bool)
+
+
+def has_shape_of_object(
+    clusters: ObjectClusters, xyz: Float[np.ndarray, 'points 3'], boxes: Boxes3D, least: float
+) -> Bool[np.ndarray, ' boxes']:
+    """Whether the cluster with the most points in each box is like the annotated objects of some class.
+
+    A box without points of any cluster is not, as far as :func:`unlike_clusters` can tell at all.
+    """
+    unlike, inside = unlike_clusters(clusters, least), clusters.point >= 0
+    out = np.full(len(boxes), bool(np.isnan(clusters.likeness).any()))
     xyz, point = xyz[inside], clusters.point[inside]
     for row in range(len(boxes)):
         own = point[points_in_boxes(xyz, boxes.tensor[row : row + 1]) >= 0]
         if len(own):
-            out[row] = clusters.likeness[np.bincount(own).argmax(), boxes.labels[row]]
+            out[row] = not unlike[np.bincount(own).argmax()]
     return out
-
-
-def unlike_points(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, ' points']:
-    """Points of clusters that are like no class's annotated objects, see :attr:`TeacherRules.least_likeness`.
-
-    Where nobody knows what objects of some class look like there are none.
-    """
-    unlike = (clusters.likeness < least).all(axis=1)
-    return np.asarray(np.append(unlike, False)[clusters.point])
 
 
 class Likeness(NamedTuple):

@@ -30,9 +30,9 @@ from rm3d_plugin.pseudo_labels.detection.boxes import (
 )
 from rm3d_plugin.pseudo_labels.detection.clusters import (
     ObjectClusters,
-    likeness_of_boxes,
+    has_shape_of_object,
     named_clusters,
-    unlike_points,
+    unlike_clusters,
 )
 from rm3d_plugin.pseudo_labels.detection.instances import boxes_of_instances, predicted_instances
 from rm3d_plugin.pseudo_labels.detection.objects import (
@@ -187,10 +187,12 @@ def _candidates(
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
     if rules.teacher.source == 'clusters':
         shown = shown._replace(scores=shown.probs * np.minimum(_clusters(knowledge, 'source').annotated, 1.0))
-    like = None
-    if rules.teacher.least_likeness:
-        like = likeness_of_boxes(_clusters(knowledge, 'least_likeness'), scene.xyz, boxes)
-    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height, like)
+    shaped, least = None, rules.teacher.least_likeness
+    if least:
+        shaped = has_shape_of_object(_clusters(knowledge, 'least_likeness'), scene.xyz, boxes, least)
+    return teacher_candidates(
+        scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height, shaped
+    )
 
 
 def _clusters(knowledge: ObjectKnowledge, field: str) -> ObjectClusters:
@@ -235,7 +237,9 @@ def _objects_of_teacher(
     free = (objects.point_box < 0) & ~objects.rejected & (annotation.seeds < 0)
     nothing_there = empty.surely | found.empty
     if rules.teacher.least_likeness:
-        nothing_there |= unlike_points(_clusters(knowledge, 'least_likeness'), rules.teacher.least_likeness)
+        clusters = _clusters(knowledge, 'least_likeness')
+        unlike = unlike_clusters(clusters, rules.teacher.least_likeness)
+        nothing_there |= np.append(unlike, False)[clusters.point]
     empty_points = (nothing_there & (objects.point_box < 0)) | (empty.large & free)
     if sure is not None and scene.probabilities is not None:
         empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= sure)

@@ -103,8 +103,8 @@ class TeacherRules:
         least_likeness: Points above the ground fall into clusters, and annotated objects tell how like them each is by
             its shape (1: as these are like each other). A cluster whose likeness to each class is below this is
             background where no pseudo box is, from the first labels on, and what is still unknown is in doubt, where
-            each class has two annotated objects or more. A box around a cluster whose likeness to its own class is
-            below this does not pass. Larger: more background, fewer hidden objects spared. 0: never asked.
+            each class has two annotated objects or more. A box around such a cluster does not pass. Larger: more
+            background, fewer hidden objects spared. 0: never asked.
         growth: A round may expect so many times the objects of a class that the last one did. A network that learnt
             from pseudo boxes confirms them and finds more; larger: trusts it more. Where whole scenes are labelled,
             their counts tell the number.

@@ -77,7 +77,7 @@ def teacher_candidates(
     ranges: Float[np.ndarray, 'classes 2 3'],
     rules: TeacherRules,
     height: Float[np.ndarray, ' points'] | None = None,
-    likeness: Float[np.ndarray, ' predicted'] | None = None,
+    shaped: Bool[np.ndarray, ' predicted'] | None = None,
 ) -> Candidates:
     """Predicted boxes of the size and height of their class, with their place to themselves and points that end there.
 
@@ -90,8 +90,8 @@ def teacher_candidates(
         ranges: Sizes, see :func:`~rm3d_plugin.pseudo_labels.detection.boxes.size_ranges`; NaN: the class gets no box.
         rules: Thresholds.
         height: Metres of each point above the ground; None: nobody asks how far up the points of a box reach.
-        likeness: Of each predicted box to its class, see
-            :func:`~rm3d_plugin.pseudo_labels.detection.clusters.likeness_of_boxes`; None: nobody asks.
+        shaped: Whether what each predicted box holds has the shape of an object, see
+            :func:`~rm3d_plugin.pseudo_labels.detection.clusters.has_shape_of_object`; None: nobody asks.
     """
     steps = {'found': np.bincount(predicted.labels, minlength=len(ranges))}
 
@@ -99,10 +99,9 @@ def teacher_candidates(
         steps[step] = np.bincount(boxes.labels[~good], minlength=len(ranges))
         return boxes.select(good)
 
-    alike = np.ones(len(predicted), dtype=bool) if likeness is None else ~(likeness < rules.least_likeness)
     sized = has_usual_size(predicted, ranges, rules.size_ratio)
     boxes = left(predicted, sized, 'size')
-    boxes = left(boxes, alike[sized], 'shape')
+    boxes = left(boxes, np.ones(len(boxes), dtype=bool) if shaped is None else shaped[sized], 'shape')
     assert boxes.scores is not None
     alone = suppress(boxes, boxes.scores, annotated, rules.max_iou) == np.arange(len(boxes))
     boxes = left(boxes, alone, 'collision')

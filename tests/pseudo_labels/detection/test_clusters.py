@@ -8,11 +8,11 @@ from rm3d_plugin.pseudo_labels.detection.clusters import (
     SLABS,
     ObjectClusters,
     fit_likeness,
-    likeness_of_boxes,
+    has_shape_of_object,
     named_clusters,
     object_clusters,
     shapes,
-    unlike_points,
+    unlike_clusters,
 )
 from rm3d_plugin.structures import Boxes3D, PointCloud
 
@@ -110,18 +110,20 @@ def test_clusters_are_named_by_network_and_shape():
     assert len(nothing.labels) == len(nothing.scores) == 0
 
 
-def test_a_box_is_as_like_its_class_as_the_cluster_of_most_of_its_points():
-    xyz = np.array([[0.0, 0, 1], [0.1, 0, 1], [0.2, 0, 1], [0.3, 0, 1], [5, 0, 1], [9, 0, 1], [9.1, 0, 1]])
-    tensor = np.array([[x, 0, 1, 1.5, 1, 2, 0.0] for x in (0.0, 5.0, 9.0, 20.0)])
-    for label, expected in ((0, [2.0, 0.5, 0.1, 0.0]), (1, [0.1, 0.4, 0.2, 0.0])):
-        boxes = Boxes3D(tensor, np.full(4, label), np.ones(4))
-        assert likeness_of_boxes(CLUSTERS, xyz, boxes).tolist() == expected
-
-
-def test_points_of_clusters_like_no_class():
-    assert unlike_points(CLUSTERS, 0.3).tolist() == [False] * 6 + [True]
-    assert not unlike_points(CLUSTERS, 0.0).any()
+def test_clusters_like_no_class():
+    assert unlike_clusters(CLUSTERS, 0.3).tolist() == [False, False, True]
+    assert not unlike_clusters(CLUSTERS, 0.0).any()
     unknown = CLUSTERS.likeness * [1.0, np.nan]  # of the second class nobody knows what its objects look like
-    assert not unlike_points(CLUSTERS._replace(likeness=unknown), 1.0).any()
+    assert not unlike_clusters(CLUSTERS._replace(likeness=unknown), 1.0).any()
     assert named_clusters(CLUSTERS._replace(likeness=unknown), np.full((7, 3), 0.5)).labels.tolist() == [0, 0, 0]
-    assert not unlike_points(ObjectClusters(np.full(3, -1), np.zeros((0, 2)), np.zeros(0)), 1.0).any()
+    assert len(unlike_clusters(ObjectClusters(np.full(3, -1), np.zeros((0, 2)), np.zeros(0)), 1.0)) == 0
+
+
+def test_a_box_has_the_shape_of_the_cluster_of_most_of_its_points():
+    xyz = np.array([[0.0, 0, 1], [0.1, 0, 1], [0.2, 0, 1], [0.3, 0, 1], [5, 0, 1], [9, 0, 1], [0.4, 0, 1]])
+    tensor = np.array([[x, 0, 1, 1.5, 1, 2, 0.0] for x in (0.0, 5.0, 9.0)] + [[0.4, 0, 1, 0.1, 1, 2, 0.0]])
+    boxes = Boxes3D(tensor, np.zeros(4, dtype=int), np.ones(4))
+    assert has_shape_of_object(CLUSTERS, xyz, boxes, 0.3).tolist() == [True, True, False, False]
+    assert has_shape_of_object(CLUSTERS, xyz, boxes, 0.6).tolist() == [True, False, False, False]
+    unknown = CLUSTERS._replace(likeness=CLUSTERS.likeness * [1.0, np.nan])
+    assert has_shape_of_object(unknown, xyz, boxes, 0.6).all()

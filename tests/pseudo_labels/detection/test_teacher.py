@@ -126,8 +126,8 @@ def test_a_box_around_what_is_shaped_otherwise_does_not_pass():
     given = [car(10), car(20), car(30), car(40, length=9.0), car(50)]
     xyz, nowhere = cloud_in(given), np.zeros(40, dtype=bool)
     rows = (xyz, nowhere, boxes(given, [0, 0, 1, 0, 0], [0.9] * 5), NOTHING, Boxes3D.empty(), SIZES)
-    likeness = np.array([0.2, 0.19, 0.0, 0.9, np.nan])  # of the last nobody knows; the third and fourth have no size
-    got = teacher_candidates(*rows, TeacherRules(least_likeness=0.2), likeness=likeness)
+    shaped = np.array([True, False, False, True, True])  # the third and fourth have no usual size
+    got = teacher_candidates(*rows, TeacherRules(), shaped=shaped)
     assert got.boxes.tensor[:, 0].tolist() == [10.0, 50.0]
     assert got.steps['size'].tolist() == [1, 1] and got.steps['shape'].tolist() == [1, 0]
     assert len(teacher_candidates(*rows, TeacherRules()).boxes) == 3
