@@ -7,4 +7,3 @@ budget = dict(
     per_scene=0.2, alike=True
 )  # as many of each class as of another while there are any; '1pct': as they come
 label_refreshes = 1  # the first labels stay
-predicted_boxes = dict(least_likeness=0.0)  # what shapes tell of background is part of RM3D

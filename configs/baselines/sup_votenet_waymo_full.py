@@ -5,4 +5,3 @@
 _base_ = '../_base_/waymo.py'
 budget = 'full'
 label_refreshes = 1  # the first labels stay
-predicted_boxes = dict(least_likeness=0.0)  # what shapes tell of background is part of RM3D

@@ -7,7 +7,6 @@ budget = dict(
     per_scene=0.2, alike=True
 )  # as many of each class as of another while there are any; '1pct': as they come
 label_refreshes = 1
-predicted_boxes = dict(least_likeness=0.0)  # what shapes tell of background is part of RM3D
 method_hook = dict(
     type='PretrainingHook', loss=dict(type='ViewpointBottleneck', in_channels='${widths[0]}'), cache='${cache_dir}'
 )

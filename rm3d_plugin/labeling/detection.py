@@ -1,6 +1,7 @@
 """Where making labels meets learning from them, in detection."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, ClassVar
@@ -32,6 +33,7 @@ from rm3d_plugin.pseudo_labels.detection.boxes import median_sizes, size_ranges
 from rm3d_plugin.pseudo_labels.detection.instances import agreement, predicted_instances
 from rm3d_plugin.pseudo_labels.detection.objects import most_boxes, score_limits
 from rm3d_plugin.pseudo_labels.detection.refresh import find_candidates
+from rm3d_plugin.pseudo_labels.detection.rules import DetectionRules
 from rm3d_plugin.pseudo_labels.detection.teacher import (
     BoxLimits,
     box_limits,
@@ -85,7 +87,7 @@ class DetectionLabelMaker(LabelMaker):
         **geometry: Any,
     ) -> None:
         super().__init__(store, source)
-        self.rules = detection_rules(strategy, merge, objects, self_training, teacher)
+        self.rules = _as_asked(detection_rules(strategy, merge, objects, self_training, teacher))
         self.scenes = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._default_sizes = None if default_sizes is None else np.asarray(default_sizes, dtype=np.float64)
         self._limits: Float[np.ndarray, ' classes'] | None = None
@@ -292,6 +294,13 @@ class DetectionLabelMaker(LabelMaker):
         cloud = self.source.load_cloud(index)
         ranges = None if cloud.sensor is None else np.linalg.norm(cloud.xyz - cloud.sensor, axis=1)
         return SceneTruth(truth.semantic, boxes=truth.boxes, ranges=ranges)
+
+
+def _as_asked(rules: DetectionRules) -> DetectionRules:
+    """Where the first labels stay nothing is ever predicted, so what belongs to predicted boxes is not asked."""
+    if rules.teacher is None or rules.merge.rounds > 1:
+        return rules
+    return replace(rules, teacher=replace(rules.teacher, least_likeness=0.0))
 
 
 def _joined(parts: Iterable[Boxes3D]) -> Boxes3D:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rm3d_plugin.engine.config import load_config
-from rm3d_plugin.labeling.detection import DetectionLabelMaker
+from rm3d_plugin.labeling.detection import DetectionLabelMaker, _as_asked
 from rm3d_plugin.pseudo_labels import detection_rules
 from rm3d_plugin.registry import MODELS
 
@@ -55,3 +55,11 @@ def test_labels_judged_every_place_once_shapes_or_predicted_boxes_made_them(opti
     assert told.judged == judged and told.mean_sizes is sizes
     maker._shapes_tell = lambda: False  # of some class nobody knows what its objects look like
     assert DetectionLabelMaker.statistics(maker).judged == (judged and bool(round_in_use))
+
+
+def test_shapes_are_not_asked_where_the_first_labels_stay():
+    for leaf, asked in (('rm3d_votenet_kitti_1pct', 0.2), ('sup_votenet_kitti_1pct', 0.0)):
+        config = load_config(leaf)
+        rules = detection_rules(merge=config['merge'], teacher=config.teacher)
+        assert rules.teacher.least_likeness == 0.2 and _as_asked(rules).teacher.least_likeness == asked
+    assert _as_asked(detection_rules(merge={'rounds': 1})).teacher is None

@@ -126,7 +126,9 @@ def summary_of_rule(
     (hook,) = label_hooks(network.config, 'there are no labels to make')
     with tempfile.TemporaryDirectory() as store:
         teacher = None if rule.teacher is None else {**(hook.label_maker.get('teacher') or {}), **rule.teacher}
-        maker: LabelMaker = TASK_UTILS.build({**hook.label_maker, 'store': store, 'teacher': teacher})
+        merge = {**hook.label_maker['merge'], 'rounds': 2}  # the run's own labels were the first alone
+        fields = {**hook.label_maker, 'store': store, 'teacher': teacher, 'merge': merge}
+        maker: LabelMaker = TASK_UTILS.build(fields)
         maker.source.open(folder / 'labels', resume=True)
         maker.make_first_labels()
         maker.store.finish_round(0)

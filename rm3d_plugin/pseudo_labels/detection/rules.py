@@ -104,7 +104,7 @@ class TeacherRules:
             its shape (1: as these are like each other). A cluster whose likeness to each class is below this is
             background where no pseudo box is, from the first labels on, and what is still unknown is in doubt, where
             each class has two annotated objects or more. A box around such a cluster does not pass. Larger: more
-            background, fewer hidden objects spared. 0: never asked.
+            background, fewer hidden objects spared. 0: never asked, nor where the first labels stay.
         growth: A round may expect so many times the objects of a class that the last one did. A network that learnt
             from pseudo boxes confirms them and finds more; larger: trusts it more. Where whole scenes are labelled,
             their counts tell the number.
