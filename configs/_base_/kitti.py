@@ -46,10 +46,11 @@ oversegmenter = dict(
 )
 max_gap = 0.6  # m between adjacent regions
 merge = dict(rounds='${label_refreshes}', centre_distance=[1.2, 0.5, 0.7, None])  # as classes, then background
-# For groups of regions (teacher=None). The paper's gamma is .75 for all. Here unknown points count as background in part, so the network is taught that hidden
-# objects are none, and no confidence means the same for every class and budget. So every group that is more likely an
-# object than not becomes a candidate, its score asks the predicted boxes too, and the best share of each class, over all
-# scenes, becomes pseudo boxes. The network alone never makes background.
+# For groups of regions (teacher=None). The paper's gamma is .75 for all. Here unknown points count as background in
+# part, so the network is taught that hidden objects are none, and no confidence means the same for every class and
+# budget. So every group that is more likely an object than not becomes a candidate, its score asks the predicted
+# boxes too, and the best share of each class, over all scenes, becomes pseudo boxes. The network alone never makes
+# background.
 objects = dict(
     gamma=0.4,
     class_gamma=[0.4, 0.4, 0.4, 1.1],  # as classes, then background
