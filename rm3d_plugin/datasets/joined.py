@@ -15,14 +15,14 @@ class JoinedScenes(Dataset[dict[str, Any]]):
     """The scenes of several data sets, one after the other; an item knows its epoch, as those of one do.
 
     Args:
-        scenes: Configs of data sets.
+        scenes: Configs of data sets; steps of a ``pipeline`` of their own come first.
         pipeline: Of all of them.
         seed: Of the items' generators.
     """
 
     def __init__(self, scenes: Sequence[Mapping[str, Any]], pipeline: Sequence[Any] = (), seed: int = 0) -> None:
         self.parts: list[SceneDataset] = [
-            DATASETS.build({**part, 'pipeline': list(pipeline), 'seed': seed + number})
+            DATASETS.build({**part, 'pipeline': [*part.get('pipeline', ()), *pipeline], 'seed': seed + number})
             for number, part in enumerate(scenes)
         ]
 

@@ -10,6 +10,7 @@ from rm3d_plugin.descriptors.learned import (
     LearnedDescriptor,
     PointSIFT,
     Predator,
+    Semantic,
     SupervisedSuperpoint,
 )
 from rm3d_plugin.descriptors.pfh import PFH, original_pfh
@@ -38,6 +39,7 @@ __all__ = [
     'LightFields',
     'PointSIFT',
     'Predator',
+    'Semantic',
     'SpectralDescriptor',
     'SuperpointGraph',
     'SupervisedSuperpoint',

@@ -1,6 +1,7 @@
 """Steps of a training pipeline: dict of arrays -> dict of arrays, chance only from ``results['rng']``."""
 
 from rm3d_plugin.datasets.transforms.augmented_view import AugmentedView, ViewSettings, augmented_view
+from rm3d_plugin.datasets.transforms.class_sites import AllLabels, ClassSites
 from rm3d_plugin.datasets.transforms.clearance_features import ClearanceFeatures, clearance_columns
 from rm3d_plugin.datasets.transforms.crop_pairs import CropPair, CropPairs, PairSettings, crop_pair
 from rm3d_plugin.datasets.transforms.geometric import GlobalRotScale, RandomFlipY, flip_y, rotate_scale
@@ -25,8 +26,10 @@ from rm3d_plugin.datasets.transforms.sinusoidal_position import SinusoidalPositi
 from rm3d_plugin.datasets.transforms.voxel_units import VoxelUnits
 
 __all__ = [
+    'AllLabels',
     'AugmentedView',
     'ClassCrop',
+    'ClassSites',
     'ClearanceFeatures',
     'ColorAutoContrast',
     'ColorDrop',

@@ -44,9 +44,7 @@ class ObjectSites:
         sites = voxel_sites(results['points'][:, :3], self.voxel_size)
         objects = point_objects(results['semantic'], results['instance'])
         first = np.unique(sites.rows, return_index=True)[1]
-        kept = {
-            name: results[name] for name in ('scene_id', 'index', 'num_points', 'rng', 'dataset') if name in results
-        }
+        kept = {name: results[name] for name in KEPT if name in results}
         return kept | {
             'points': np.concatenate([sites.places, sites.inputs], axis=1),
             'point_index': results['point_index'][first],

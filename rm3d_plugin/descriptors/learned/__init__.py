@@ -4,6 +4,7 @@ from rm3d_plugin.descriptors.learned.base import LearnedDescriptor
 from rm3d_plugin.descriptors.learned.contrastive import Contrastive
 from rm3d_plugin.descriptors.learned.point_sift import PointSIFT
 from rm3d_plugin.descriptors.learned.predator import Predator
+from rm3d_plugin.descriptors.learned.semantic import Semantic
 from rm3d_plugin.descriptors.learned.supervised_superpoint import SupervisedSuperpoint
 
-__all__ = ['Contrastive', 'LearnedDescriptor', 'PointSIFT', 'Predator', 'SupervisedSuperpoint']
+__all__ = ['Contrastive', 'LearnedDescriptor', 'PointSIFT', 'Predator', 'Semantic', 'SupervisedSuperpoint']

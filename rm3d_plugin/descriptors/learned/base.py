@@ -15,7 +15,8 @@ from mmengine.logging import print_log
 from rm3d_plugin.descriptors.base import Descriptor
 from rm3d_plugin.descriptors.learned.tiles import Tile, describe_tiles, make_blocks, make_tiles
 from rm3d_plugin.descriptors.learned.weights_file import SHIPPED, TrainedWeights, build_network, read_weights
-from rm3d_plugin.ops.sites import Sites
+from rm3d_plugin.ops.site_histograms import WIDTH as HISTOGRAMS
+from rm3d_plugin.ops.sites import CHANNELS, Sites
 from rm3d_plugin.structures import Descriptors, PointCloud
 from rm3d_plugin.user_error import ConfigError
 
@@ -44,6 +45,7 @@ class LearnedDescriptor(Descriptor):
     Attributes:
         network_type: Registered name of the networks that it takes.
         backbone_type: Registered name of their backbones.
+        in_channels: Inputs of a site.
         blocks: Whether the network says ``block``, the edge of the cubes of a fixed grid that it sees one by one, since
             nothing bounds its reach within one.
         weights: Of the network, arrays by name.
@@ -55,6 +57,7 @@ class LearnedDescriptor(Descriptor):
 
     network_type: ClassVar[str]
     backbone_type: ClassVar[str] = 'SparseUNet'
+    in_channels: ClassVar[int] = HISTOGRAMS
     blocks: ClassVar[bool] = False
 
     def __init__(
@@ -75,6 +78,12 @@ class LearnedDescriptor(Descriptor):
             raise ConfigError(
                 f'{self._path}: holds a {kinds[0]} of a {kinds[1]}; {type(self).__name__} expected a '
                 f'{self.network_type} of a {self.backbone_type}'
+            )
+        inputs = trained.model.get('in_channels', CHANNELS)
+        if inputs != self.in_channels:
+            raise ConfigError(
+                f'{self._path}: its network reads {inputs} inputs of a site; {type(self).__name__} expected '
+                f'{self.in_channels}: it was trained for another descriptor'
             )
         if checkpoint is None:
             print_log(f'{type(self).__name__}: with the weights of the package, {self._path.name}', logger='current')

@@ -3,7 +3,7 @@
 from typing import final
 
 from rm3d_plugin.descriptors.learned.base import LearnedDescriptor
-from rm3d_plugin.ops.sites import Sites, voxel_sites
+from rm3d_plugin.ops.sites import CHANNELS, Sites, voxel_sites
 from rm3d_plugin.registry import DESCRIPTORS
 from rm3d_plugin.structures import PointCloud
 
@@ -13,13 +13,14 @@ from rm3d_plugin.structures import PointCloud
 class SupervisedSuperpoint(LearnedDescriptor):
     """Unit vectors of four values that are alike within an object and differ across its border.
 
-    Landrieu and Boussaha (CVPR 2019); their superpoints are ``CutPursuit`` with ``xyz_weight=0.2`` on these. It is the
-    only descriptor that learns from labels: of points, or regions that have taken theirs (``rm3d train
-    superpoint_rooms``). The arguments are those of :class:`LearnedDescriptor`.
+    Landrieu and Boussaha (CVPR 2019); their superpoints are ``CutPursuit`` with ``xyz_weight=0.2`` on these. It
+    learns from labels: of points, or regions that have taken theirs (``rm3d train superpoint_rooms``).
+    The arguments are those of :class:`LearnedDescriptor`.
     """
 
     network_type = 'DescriptorNetwork'
     backbone_type = 'LocalCloudEmbedder'
+    in_channels = CHANNELS
 
     def sites(self, cloud: PointCloud) -> Sites:
         """The voxels of the cloud."""

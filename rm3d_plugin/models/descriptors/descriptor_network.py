@@ -32,9 +32,11 @@ class SiteLabels(NamedTuple):
     Attributes:
         objects: (N,) number of each site's object, different in each scene; -1 = unknown, everywhere where the
             pipeline hands on no objects.
+        classes: (N,) its class; -1 = unknown, everywhere where the pipeline hands on no classes.
     """
 
     objects: Int[Tensor, ' points']
+    classes: Int[Tensor, ' points']
 
 
 @MODELS.register_module()
@@ -43,13 +45,13 @@ class DescriptorNetwork(PointModel):
     """Backbone, a linear layer, unit length.
 
     It learns from pairs of crops (``CropPairs``, then ``VoxelUnits``): the losses compare ``outputs.features`` with the
-    features of the view. Or it learns from objects (``ObjectSites``). Places are in voxels, so the backbone has
-    ``voxel_size=1``.
+    features of the view. Or it learns from objects (``ObjectSites``) or classes (``ClassSites``). Places are in voxels,
+    so the backbone has ``voxel_size=1``.
 
     Args:
         backbone: Config of a backbone that knows how far it sees (``reach``).
         channels: Values of a descriptor.
-        in_channels: Inputs of a site, 40 with histograms.
+        in_channels: Inputs of a site, 40 with histograms, 44 with histograms and heights.
         direct: Whether a linear layer of a site's own inputs is added before the length becomes one: what the inputs
             tell alone is learnt at once, the backbone learns what they lack.
         losses: Configs of loss terms that read ``features`` and the views.
@@ -100,14 +102,16 @@ class DescriptorNetwork(PointModel):
         return DescriptorOutput(self.encode(batch.points, batch.batch_offsets))
 
     def labels(self, samples: Sequence[BaseDataElement], batch: Batch, outputs: DescriptorOutput) -> SiteLabels:
-        """The objects of the sites, where the samples have any."""
-        count, parts = 0, []
+        """Objects and classes of the sites, where the samples have any."""
+        count, parts, classes = 0, [], []
         for sample, size in zip(samples, batch.sizes, strict=True):
             objects = sample.get('pts_instance_mask')
             own = torch.full((size,), -1) if objects is None else objects.cpu()
             parts.append(torch.where(own >= 0, own + count, own))
             count += int(own.max()) + 1 if size else 0
-        return SiteLabels(torch.cat(parts).to(batch.points.device))
+            known = sample.get('pts_semantic_mask')
+            classes.append(torch.full((size,), -1) if known is None else known.cpu())
+        return SiteLabels(*(torch.cat(each).to(batch.points.device) for each in (parts, classes)))
 
     def predict(self, batch: Batch, samples: list[BaseDataElement]) -> None:
         """Fill in ``pred_descriptors`` (n, F)."""

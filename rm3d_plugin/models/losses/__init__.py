@@ -36,6 +36,7 @@ from rm3d_plugin.models.losses.reduction import ReducedLoss, Reduction, reduce_l
 from rm3d_plugin.models.losses.scene_class_loss import SceneClassLoss, scene_class_loss
 from rm3d_plugin.models.losses.scene_classes import SceneClasses
 from rm3d_plugin.models.losses.scheduled_loss import ScheduledLoss
+from rm3d_plugin.models.losses.site_classes import SiteClasses
 from rm3d_plugin.models.losses.view_consistency import ViewConsistency
 from rm3d_plugin.models.losses.view_supervision import ViewSupervision, labels_of_rows
 from rm3d_plugin.models.losses.votenet_loss import VoteNetLoss
@@ -64,6 +65,7 @@ __all__ = [
     'SceneClassLoss',
     'SceneClasses',
     'ScheduledLoss',
+    'SiteClasses',
     'ViewConsistency',
     'ViewSupervision',
     'VoteNetLoss',

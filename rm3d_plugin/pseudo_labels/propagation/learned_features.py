@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
-from rm3d_plugin.descriptors import PointSIFT
+from rm3d_plugin.descriptors import Semantic
 from rm3d_plugin.structures import PointCloud
 
 WIDTH = 32  # values of a point
@@ -14,9 +14,9 @@ AT_ONCE = 8  # columns of all points that are held in memory
 
 
 def learned_features(cloud: PointCloud) -> Iterator[Float[np.ndarray, 'points columns']]:
-    """Descriptors of all points by :class:`~rm3d_plugin.descriptors.PointSIFT`, some columns at a time.
+    """Descriptors of all points by :class:`~rm3d_plugin.descriptors.Semantic`, some columns at a time.
 
-    Its weights are those of the package, learnt without labels from synthetic scans alone; its unit is the scan's own
+    Its weights are those of the package, learnt from the classes of synthetic scans alone; its unit is the scan's own
     density. Points that it cannot describe have zeros.
 
     Args:
@@ -32,5 +32,5 @@ def learned_features(cloud: PointCloud) -> Iterator[Float[np.ndarray, 'points co
 
 
 @cache
-def _descriptor() -> PointSIFT:
-    return PointSIFT(PointSIFT.shipped())
+def _descriptor() -> Semantic:
+    return Semantic(Semantic.shipped())

@@ -20,6 +20,7 @@ MODEL = {
     | {'attention': {'channels': 8}, 'block': 24, 'margin': 6},
     'PointSIFT': {'type': 'DescriptorNetwork', 'channels': 8, 'in_channels': 40}
     | {'backbone': {'type': 'PointSIFTBackbone', 'channels': 8, 'radii': [2.0, 4.0]}},
+    'Semantic': {'type': 'DescriptorNetwork', 'backbone': BACKBONE, 'channels': 8, 'in_channels': 44},
     'SupervisedSuperpoint': {'type': 'DescriptorNetwork', 'backbone': {'type': 'LocalCloudEmbedder'}, 'channels': 4},
 }
 NAMES = sorted(MODEL)

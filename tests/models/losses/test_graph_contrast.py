@@ -63,7 +63,7 @@ def test_the_term_joins_neighbours_of_each_scene():
     assert term.border_strength == 10
     rows = torch.nn.functional.normalize(torch.randn(5, 4), dim=1)
     objects = torch.tensor([0, 0, 1, 2, 2])
-    found = term(Batch(xyz, offsets), DescriptorOutput(rows), SiteLabels(objects))
+    found = term(Batch(xyz, offsets), DescriptorOutput(rows), SiteLabels(objects, objects))
     expected = 2 * graph_contrast_loss(rows, objects, edges, 0.2, 10.0)
     torch.testing.assert_close(found, {'loss_graph': expected})
 

@@ -1,0 +1,45 @@
+# Semantic, from rooms and streets together, with all their labels: with --demo the weights of the package.
+# Run: rm3d train semantic_both [--demo]
+# Time: not measured.
+# Score on ScanNet, SemanticKITTI, Semantic3D and VKITTI: not measured (the data sets are not part of the repository).
+_base_ = '../_base_/semantic.py'
+data = 'both'
+streets_root, stations_root, frames_root = 'data/semantickitti', 'data/semantic3d', 'data/vkitti'
+site_classes = [20, 19, 8, 13]
+scenes = dict(
+    _delete_=True,
+    both=[
+        dict(type='ScanNetDataset', data_root='${data_root}', split='train', pipeline=[dict(type='AllLabels')]),
+        dict(
+            type='SemanticKittiDataset',
+            data_root='${streets_root}',
+            split='train',
+            pipeline=[dict(type='AllLabels', first_class=20)],
+        ),
+        dict(
+            type='Semantic3DDataset',
+            data_root='${stations_root}',
+            split='train',
+            pipeline=[dict(type='AllLabels', first_class=39)],
+        ),
+        dict(
+            type='VKITTI3DDataset',
+            data_root='${frames_root}',
+            split='train',
+            pipeline=[dict(type='AllLabels', first_class=47)],
+        ),
+    ],
+)
+demo = dict(
+    demo_data=dict(scenes='scannet_rooms', num_train=40, num_val=4, seed=0),
+    data_root='data/semantic/rooms',
+    streets_root='data/semantic/streets',
+    stations_root='data/semantic/stations',
+    frames_root='data/semantic/frames',
+    more_demo_data=[
+        dict(root='data/semantic/streets', scenes='semantickitti_streets', num_train=40, num_val=4, seed=0),
+        dict(root='data/semantic/stations', scenes='semantic3d_streets', num_train=12, num_val=2, seed=0),
+        dict(root='data/semantic/frames', scenes='vkitti_streets', num_train=20, num_val=2, seed=0),
+    ],
+    sigma=12,
+)
