@@ -34,9 +34,9 @@ def upright_sites(xyz: Float[np.ndarray, 'points 3'], voxel_size: float | None =
 def with_heights(sites: Sites) -> Sites:
     """The sites with four further inputs: z points up, and lengths are metres.
 
-    Height over the lowest site within two columns of 1 m, height over the floor (both in storeys of 3 m, at most 4,
-    at least -1), how far the normal points up or down, and the logarithm of the unit. Turning the scan about z changes
-    them by where the voxels lie alone.
+    Height over the lowest site within two columns of about 1 m, height over the floor (both in storeys of 3 m, at most
+    4, at least -1), how far the normal points up or down, and the logarithm of the unit. Turning the scan about z
+    changes them by where the voxels lie alone.
 
     Args:
         sites: Of :func:`~rm3d_plugin.ops.sites.voxel_sites`.
@@ -44,11 +44,10 @@ def with_heights(sites: Sites) -> Sites:
     count = len(sites.places)
     if not count:
         return sites._replace(inputs=np.zeros((0, sites.inputs.shape[1] + HEIGHTS), dtype=np.float32))
-    xyz = sites.places.astype(np.float64) * sites.unit
-    z = xyz[:, 2]
-    found = estimate_normals(xyz, NORMAL_NEIGHBORS)
+    z = sites.places[:, 2].astype(np.float64) * sites.unit
+    found = estimate_normals(sites.places.astype(np.float64), NORMAL_NEIGHBORS)  # of middles of voxels: exact
     columns = [
-        np.clip((z - _lowest_nearby(xyz)) / STOREY, -1.0, HIGHEST),
+        np.clip((z - _lowest_nearby(sites)) / STOREY, -1.0, HIGHEST),
         np.clip((z - np.percentile(z, FLOOR_PERCENT)) / STOREY, -1.0, HIGHEST),
         np.where(found.valid, np.abs(found.normals[:, 2]), 0.0),
         np.full(count, np.log(max(sites.unit, 1e-12) / USUAL_UNIT) / STOREY),
@@ -56,11 +55,13 @@ def with_heights(sites: Sites) -> Sites:
     return sites._replace(inputs=np.column_stack([sites.inputs, *columns]).astype(np.float32))
 
 
-def _lowest_nearby(xyz: Float[np.ndarray, 'sites 3']) -> Float[np.ndarray, ' sites']:
-    """Lowest z of the columns around each site."""
-    wide = np.ptp(xyz[:, :2], axis=0)
-    cell = max(CELL, float(np.sqrt(wide[0] * wide[1] / MOST_CELLS)), float(wide.max() / MOST_CELLS))
-    cells = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
+def _lowest_nearby(sites: Sites) -> Float[np.ndarray, ' sites']:
+    """Lowest z of the columns around each site, metres; columns are whole voxels wide, so that rounding moves none."""
+    places = np.floor(sites.places[:, :2]).astype(np.int64)
+    places -= places.min(axis=0)
+    wide = places.max(axis=0) + 1.0
+    least = max(np.sqrt(wide.prod() / MOST_CELLS), wide.max() / MOST_CELLS)  # voxels
+    cells = places // max(round(CELL / max(sites.unit, 1e-12)), int(np.ceil(least)), 1)
     lowest = np.full(cells.max(axis=0) + 1, np.inf)
-    np.minimum.at(lowest, tuple(cells.T), xyz[:, 2])
+    np.minimum.at(lowest, tuple(cells.T), sites.places[:, 2].astype(np.float64) * sites.unit)
     return np.asarray(minimum_filter(lowest, COLUMNS)[tuple(cells.T)])

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.propagation.beside import Beside
-from rm3d_plugin.pseudo_labels.propagation.estimate import POWERS, USUAL, label_excess
+from rm3d_plugin.pseudo_labels.propagation.estimate import power_as_claimed
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
@@ -78,5 +78,4 @@ def sharpness_of(checked: CheckedLabels) -> float:
     Args:
         checked: With a label at least; where no labelled class is among the answers, the usual power holds.
     """
-    excess = label_excess(*checked).sum(axis=1)
-    return float(POWERS[np.abs(excess).argmin()]) if excess.any() else USUAL
+    return power_as_claimed(*checked)

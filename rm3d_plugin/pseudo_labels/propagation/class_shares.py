@@ -57,15 +57,25 @@ def surest_regions(
     return rows, said[rows]
 
 
+def lent_counts(labels: Labels) -> Int[np.ndarray, ' classes']:
+    """Examples of other scans that teach each class, of those there are."""
+    there = np.bincount(labels.other_classes, minlength=labels.num_classes)
+    return np.minimum(there, _most_lent(labels.counts))
+
+
+def _most_lent(own: Int[np.ndarray, ' classes']) -> Int[np.ndarray, ' classes']:
+    return np.maximum(own, OTHERS)
+
+
 def _own(
     scale: RegionScale, labels: Labels, examples: int
 ) -> tuple[Float[np.ndarray, 'rows features'], Int[np.ndarray, ' rows']]:
     """Regions with a label, and examples of other scans: as many of a class as own ones, or :data:`OTHERS`."""
     own = evenly_chosen(labels.classes, examples)
     rows, classes = scale.features[scale.region[labels.points[own]]], labels.classes[own]
-    counts = np.bincount(classes, minlength=labels.num_classes)
+    most = _most_lent(np.bincount(classes, minlength=labels.num_classes))
     for each in np.unique(labels.other_classes):
         lent = np.flatnonzero(labels.other_classes == each)
-        lent = lent[evenly_chosen(labels.other_classes[lent], max(OTHERS, int(counts[each])))]
+        lent = lent[evenly_chosen(labels.other_classes[lent], int(most[each]))]
         rows, classes = np.concatenate([rows, labels.others[lent]]), np.append(classes, labels.other_classes[lent])
     return rows, classes

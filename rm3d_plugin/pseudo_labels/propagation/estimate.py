@@ -127,6 +127,22 @@ def label_excess(
     return np.asarray(weight / max(float(weight.sum()), LEAST) * (claimed - right))
 
 
+def power_as_claimed(
+    left_shares: Float[np.ndarray, 'left classes'],
+    left_classes: Int[np.ndarray, ' left'],
+    found: Float[np.ndarray, ' classes'],
+) -> float:
+    """Power of the shares by which as many left-out labels come out right as are claimed.
+
+    Args:
+        left_shares: See :func:`label_excess`; where no labelled class is among the answers, the usual power holds.
+        left_classes: See :func:`label_excess`.
+        found: See :func:`label_excess`.
+    """
+    excess = label_excess(left_shares, left_classes, found).sum(axis=1)
+    return float(POWERS[np.abs(excess).argmin()]) if excess.any() else USUAL
+
+
 def expected_ious(shares: Float[np.ndarray, 'points classes'], power: float) -> Float[np.ndarray, ' classes']:
     """IoU of each class as the probabilities expect it, were they right as often as they say.
 

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
+from rm3d_plugin.pseudo_labels.propagation.estimate import power_as_claimed
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
@@ -14,7 +15,7 @@ from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, SILENT, Network
 from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, Pull, at_points, coarse_graphs, features_say, walks
 
 POWERS = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # inverse temperatures that are tried
-STRENGTHS = (0.01, 0.05, 0.25)  # pulls that are tried, as shares of the usual degree of a point
+PULLS = (0.0, 0.01, 0.05, 0.25)  # that are tried, as shares of the usual degree of a point; without the network first
 LEAST = 1e-6
 
 
@@ -74,8 +75,11 @@ def judge_network(trials: Sequence[Trial], rules: WalkerRules) -> NetworkSay:
         return SILENT
     classes = np.concatenate([trial.classes for trial in trials])
     power = network_power(np.concatenate([trial.said for trial in trials]), classes)
-    right = np.concatenate([try_network(trial, power, rules) for trial in trials], axis=1)
-    return NetworkSay(network_weight(right, classes, rules.network_errors_apart), power, len(classes))
+    tried = [try_network(trial, power, rules) for trial in trials]
+    shares, found = np.concatenate([each.shares for each in tried], axis=1), sum(each.found for each in tried)
+    best = best_strength(shares.argmax(axis=2) == classes, classes, rules.network_errors_apart)
+    powers = [power_as_claimed(shares[each], classes, found[each]) for each in (0, best)]
+    return NetworkSay(PULLS[best], power, len(classes), powers[1] / powers[0])
 
 
 def network_power(said: Float[np.ndarray, 'judges classes'], classes: Int[np.ndarray, ' judges']) -> float:
@@ -89,8 +93,20 @@ def network_power(said: Float[np.ndarray, 'judges classes'], classes: Int[np.nda
     return max(POWERS, key=lambda each: _likelihood(_raised(said, each), classes, weight))
 
 
-def try_network(trial: Trial, power: float, rules: WalkerRules) -> Bool[np.ndarray, 'strengths judges']:
-    """Whether labels that are left out come out right, without the network and with each of :data:`STRENGTHS`.
+class Tried(NamedTuple):
+    """Answers without the network and with each pull of :data:`PULLS`.
+
+    Attributes:
+        shares: (S, J, present) of labels that were left out; rows of sum 1.
+        found: (S, present) points of each class.
+    """
+
+    shares: Float[np.ndarray, 'pulls judges present']
+    found: Float[np.ndarray, 'pulls present']
+
+
+def try_network(trial: Trial, power: float, rules: WalkerRules) -> Tried:
+    """Leave the labels out that judge, and answer with each of :data:`PULLS`.
 
     Args:
         trial: Of a scan.
@@ -100,29 +116,30 @@ def try_network(trial: Trial, power: float, rules: WalkerRules) -> Bool[np.ndarr
     scene, labels, network, judges = trial
     told, points = labels.select(~judges), labels.points[judges]
     graphs = coarse_graphs(scene, labels.points, rules.left_out_nodes)
-    own, right = strength_of(DEFAULT, told, rules), []
+    own, shares, found = strength_of(DEFAULT, told, rules), [], []
     likely = features_say(scene, graphs, told, own, rules)
-    for strength in (0.0, *STRENGTHS):
+    for strength in PULLS:
         pulls = network_pulls(graphs, network, NetworkSay(strength, power, 0))
-        said = at_points(graphs, walks(graphs, told, likely, own, rules, pulls))[points]
-        right.append(said.argmax(axis=1) == trial.classes)
-    return np.stack(right)
+        said = at_points(graphs, walks(graphs, told, likely, own, rules, pulls))
+        shares.append(said[points].astype(np.float64))
+        found.append(np.bincount(said.argmax(axis=1), minlength=said.shape[1]).astype(np.float64))
+    return Tried(np.stack(shares), np.stack(found))
 
 
-def network_weight(
-    right: Bool[np.ndarray, 'strengths judges'], classes: Int[np.ndarray, ' judges'], errors_apart: float
-) -> float:
-    """The strength with the most labels right where it is ahead of none by so many standard errors, else 0.
+def best_strength(
+    right: Bool[np.ndarray, 'pulls judges'], classes: Int[np.ndarray, ' judges'], errors_apart: float
+) -> int:
+    """Number of the pull with the most labels right where it is ahead of none by so many standard errors, else 0.
 
     Args:
-        right: Of :func:`try_network`, of one scan or joined over scans.
+        right: Whether labels that were left out came out right, with each of :data:`PULLS`.
         classes: Of the labels; all classes count alike.
         errors_apart: Larger: the network speaks less often.
     """
     weight, gained = _alike(classes), right.astype(np.float64) - right[0]
     ahead = gained @ weight
     sure = ahead > errors_apart * np.sqrt(np.square(weight * gained).sum(axis=1))
-    return float((0.0, *STRENGTHS)[int(np.where(sure, ahead, 0.0).argmax())])
+    return int(np.where(sure, ahead, 0.0).argmax())
 
 
 def network_pulls(

@@ -107,6 +107,8 @@ def propagate_prepared(
         trial = trial_of(scene, labels, network, beside.unseen)
         say = SILENT if trial is None else judge_network([trial], rules)
     shares = _answer(scene, labels, choice.candidate if not say.weight else DEFAULT, rules, network, say)
+    if say.weight:
+        shares = calibrated(shares, say.sharper)
     estimate = None if left is None else _estimate(shares, annotated < 0, left, labels, choice.candidate, rules)
     sharpness = beside.sharpness if estimate is None else estimate.sharpness
     if sharpness is not None:

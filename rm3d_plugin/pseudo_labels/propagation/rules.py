@@ -15,11 +15,14 @@ class NetworkSay(NamedTuple):
         weight: Pull, as a share of the usual degree of a point; 0: no say.
         power: Inverse temperature by which its probabilities are right as often as they say.
         labels: That judged it.
+        sharper: Power that makes an answer with it as sure of itself as one without: of the labels that judge, each
+            answer is then right as often as it says.
     """
 
     weight: float
     power: float
     labels: int
+    sharper: float = 1.0
 
 
 SILENT = NetworkSay(0.0, 1.0, 0)

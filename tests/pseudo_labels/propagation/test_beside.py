@@ -1,8 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from steps_scene import FLOOR, SHELF, WALL, clicks, scene
 
-from rm3d_plugin.pseudo_labels.propagation import Beside, examples_of, prepare_cloud, propagate_prepared
+from rm3d_plugin.pseudo_labels.propagation import Beside, WalkerRules, examples_of, prepare_cloud, propagate_prepared
+from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated, power_as_claimed
+from rm3d_plugin.pseudo_labels.propagation.network import PULLS, judge_network, trial_of, try_network
+from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
 from rm3d_plugin.pseudo_labels.propagation.scores import unlabelled_miou
 
 
@@ -93,3 +98,30 @@ def test_what_does_not_fit_is_named():
     for name, beside in wrong.items():
         with pytest.raises(ValueError, match=name):
             propagate_prepared(prepared, annotated, 3, beside=beside)
+
+
+def test_an_answer_with_a_network_is_as_sure_of_itself_as_left_out_labels_allow():
+    cloud, semantic = scene()
+    annotated = clicks(semantic, 12, seed=3)
+    unseen = annotated == WALL  # which the network alone knows
+    hesitant = network_of(semantic, right=True, classes=3, sure=0.4)  # always right, and never sure
+    prepared = prepare_cloud(cloud)
+    present, labels = labels_of(prepared, annotated, 3, Beside())
+    trial = trial_of(prepared, labels, hesitant[:, present], unseen)
+    say = judge_network([trial], WalkerRules())
+    tried, pull = try_network(trial, say.power, WalkerRules()), PULLS.index(say.weight)
+    assert pull > 0
+    right = np.mean(tried.shares[pull].argmax(axis=1) == trial.classes)
+    usual = power_as_claimed(tried.shares[0], trial.classes, tried.found[0])
+    as_before, as_judged = (
+        calibrated(tried.shares[pull], power).max(axis=1).mean() for power in (usual, usual * say.sharper)
+    )
+    assert as_before < as_judged and right - as_judged < 0.2 < right - as_before
+    beside = Beside(network=hesitant, say=say, sharpness=1.0)
+    answers = [
+        propagate_prepared(prepared, annotated, 3, beside=b)
+        for b in (beside, replace(beside, say=say._replace(sharper=1.0)))
+    ]
+    assert np.array_equal(answers[0].semantic, answers[1].semantic)
+    sharpened = answers[1].probabilities.astype(float) ** say.sharper
+    assert np.allclose(answers[0].probabilities, sharpened / sharpened.sum(axis=1, keepdims=True), atol=1e-5)
