@@ -41,5 +41,5 @@ demo = dict(
         dict(root='data/semantic/stations', scenes='semantic3d_streets', num_train=12, num_val=2, seed=0),
         dict(root='data/semantic/frames', scenes='vkitti_streets', num_train=20, num_val=2, seed=0),
     ],
-    sigma=12,
+    sigma=20,
 )

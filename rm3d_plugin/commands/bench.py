@@ -20,6 +20,7 @@ from rm3d_plugin.experiments.benchmarks import (
     octree,
     prepare,
     propagate_clicks,
+    propagate_together,
     regions,
     sparse_unet,
     training_step,
@@ -37,6 +38,7 @@ BENCHMARKS = (
     cost_model,
     first_call,
     propagate_clicks,
+    propagate_together,
     clicks_to_quality,
     annotate_page,
 )
