@@ -76,7 +76,8 @@ def judge_network(trials: Sequence[Trial], rules: WalkerRules) -> NetworkSay:
     classes = np.concatenate([trial.classes for trial in trials])
     power = network_power(np.concatenate([trial.said for trial in trials]), classes)
     tried = [try_network(trial, power, rules) for trial in trials]
-    shares, found = np.concatenate([each.shares for each in tried], axis=1), np.sum([each.found for each in tried], axis=0)
+    shares = np.concatenate([each.shares for each in tried], axis=1)
+    found = np.sum([each.found for each in tried], axis=0)
     best = best_strength(shares.argmax(axis=2) == classes, classes, rules.network_errors_apart)
     powers = [power_as_claimed(shares[each], classes, found[each]) for each in (0, best)]
     return NetworkSay(PULLS[best], power, len(classes), powers[1] / powers[0])

@@ -48,7 +48,7 @@ class WalkerRules:
         least_left_out: Labels that can be left out without taking a class away, below which nothing is left out.
         errors_apart: Standard errors by which another candidate must be ahead of the default.
         network_errors_apart: The same for a network beside none.
-        examples: Labels of a class that teach its features, at most.
+        examples: Labels of a class that teach its features, at most, and as many of other scans.
         draws: Of the interval of the estimate.
         seed: Of folds and draws.
     """

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
-from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares, lent_counts
+from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares, teaching_counts
 from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening, coarsen
 from rm3d_plugin.pseudo_labels.propagation.harmonic import HarmonicSystem
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
@@ -125,7 +125,7 @@ def at_points(graphs: list[CoarseGraph], found: list[Solution]) -> Float[np.ndar
 
 def trust_of(labels: Labels, rules: WalkerRules) -> float:
     """How far those that teach the features are to be trusted: labels of the scan by place, and examples of others."""
-    counts = labels.place_counts + lent_counts(labels)
+    counts = teaching_counts(labels, rules.examples)
     return label_trust(counts[counts > 0], rules.prior_half)
 
 

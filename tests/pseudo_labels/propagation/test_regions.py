@@ -5,9 +5,11 @@ import pytest
 from steps_scene import clicks, scene
 
 from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
-from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares, surest_regions
+from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares, surest_regions, teaching_counts
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
+from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.relax import relax
+from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, WalkerRules
 
 
 def labels_of(semantic, each, prepared):
@@ -42,6 +44,27 @@ def test_a_right_answer_teaches():
     alone = class_shares(prepared, labels, 200)
     taught = class_shares(prepared, labels, 200, np.eye(3, dtype=np.float32)[semantic])
     right = [np.mean(each.argmax(axis=1) == semantic) for each in (alone, taught)]
+    assert right[1] > max(right[0], 0.95)
+
+
+def test_examples_of_other_scans_teach_and_count():
+    cloud, semantic = scene()
+    prepared, rules = prepare_cloud(cloud), WalkerRules(examples=30)
+    one = labels_of(semantic, 1, prepared)
+    other, known = scene(seed=5)
+    points = np.flatnonzero(clicks(known, 40) >= 0)
+    lent = prepare_cloud(other)
+    features = lent.features[lent.scales[0].region[points]]
+    many = one._replace(others=features, other_classes=known[points])
+    assert teaching_counts(one, 30).tolist() == [1, 1, 1]
+    assert teaching_counts(many, 30).tolist() == [31, 31, 31]
+    few = one._replace(others=features[:2], other_classes=known[points][:2])
+    assert teaching_counts(few, 30).sum() == 5
+    assert strength_of(DEFAULT, one, rules) == rules.features_strength  # one a class is not to be trusted
+    trust = (31 - 1) / (31 + rules.prior_half - 2)
+    wanted = rules.features_strength + trust * (rules.taught_strength - rules.features_strength)
+    assert strength_of(DEFAULT, many, rules) == pytest.approx(wanted)
+    right = [np.mean(class_shares(prepared, each, 30).argmax(axis=1) == semantic) for each in (one, many)]
     assert right[1] > max(right[0], 0.95)
 
 
