@@ -1,11 +1,6 @@
 # A descriptor that learns the classes of labelled scans, all but the data: a sparse U-Net, and a linear layer for each data
 # set that is dropped afterwards. Lengths in voxels, as wide as the density of a scan asks for.
 _base_ = './pairs.py'
-every_room = dict(type='AllLabels')
-scenes = dict(
-    rooms=[dict(type='ScanNetDataset', data_root='${data_root}', split='train', pipeline=['${every_room}'])],
-    streets=[dict(type='SemanticKittiDataset', data_root='${data_root}', split='train', pipeline=['${every_room}'])],
-)
 crop_points = 24000
 keep = [0.35, 1.0]  # share of a crop's points that stay: crops differ in density
 train_pipeline = [
@@ -18,7 +13,6 @@ train_pipeline = [
     dict(type='PackScene'),
 ]
 widths = [32, 48, 64]
-site_classes = [20]  # of each data set
 model = dict(
     type='DescriptorNetwork',
     backbone='${backbone}',

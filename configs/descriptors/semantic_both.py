@@ -31,15 +31,18 @@ scenes = dict(
     ],
 )
 demo = dict(
-    demo_data=dict(scenes='scannet_rooms', num_train=40, num_val=4, seed=0),
-    data_root='data/semantic/rooms',
-    streets_root='data/semantic/streets',
-    stations_root='data/semantic/stations',
-    frames_root='data/semantic/frames',
+    # scenes of a seed that no other demo and no table has: their labels are all seen
+    demo_data=dict(scenes='scannet_rooms', num_train=60, num_val=1, seed=101),
+    data_root='data/descriptor_semantic/rooms',
+    streets_root='data/descriptor_semantic/streets',
+    stations_root='data/descriptor_semantic/stations',
+    frames_root='data/descriptor_semantic/frames',
     more_demo_data=[
-        dict(root='data/semantic/streets', scenes='semantickitti_streets', num_train=40, num_val=4, seed=0),
-        dict(root='data/semantic/stations', scenes='semantic3d_streets', num_train=12, num_val=2, seed=0),
-        dict(root='data/semantic/frames', scenes='vkitti_streets', num_train=20, num_val=2, seed=0),
+        dict(
+            root='data/descriptor_semantic/streets', scenes='semantickitti_streets', num_train=60, num_val=1, seed=101
+        ),
+        dict(root='data/descriptor_semantic/stations', scenes='semantic3d_streets', num_train=12, num_val=1, seed=101),
+        dict(root='data/descriptor_semantic/frames', scenes='vkitti_streets', num_train=30, num_val=1, seed=101),
     ],
-    sigma=20,
+    sigma=14,
 )

@@ -23,7 +23,7 @@ from rm3d_plugin.structures import PointCloud
 
 NORMAL_NEIGHBORS = 20
 OUTDOOR_VOXEL = 0.15  # m, of the voxel downsampling outdoors
-SEED = 1  # of synthetic scenes; the demos that learned descriptors are trained on have 0
+SEED = 1  # of synthetic scenes; the demos that learned descriptors are trained on have 0 or 101
 NEAR = 20.0  # m; farther off the rings of a lidar are farther apart than any of the radii below
 REAL_DATA = 'RM3D_REAL_DATA'  # environment variable; folder with oakland/ and semantickitti/
 

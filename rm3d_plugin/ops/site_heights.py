@@ -56,12 +56,18 @@ def with_heights(sites: Sites) -> Sites:
 
 
 def _lowest_nearby(sites: Sites) -> Float[np.ndarray, ' sites']:
-    """Lowest z of the columns around each site, metres; columns are whole voxels wide, so that rounding moves none."""
+    """Lowest z of the columns around each site, metres; columns are whole voxels wide, so that rounding moves none.
+
+    Sites that have too little around them do not count: single returns from below the ground. Where no other is near,
+    it is the site's own.
+    """
     places = np.floor(sites.places[:, :2]).astype(np.int64)
     places -= places.min(axis=0)
     wide = places.max(axis=0) + 1.0
     least = max(np.sqrt(wide.prod() / MOST_CELLS), wide.max() / MOST_CELLS)  # voxels
     cells = places // max(round(CELL / max(sites.unit, 1e-12)), int(np.ceil(least)), 1)
     lowest = np.full(cells.max(axis=0) + 1, np.inf)
-    np.minimum.at(lowest, tuple(cells.T), sites.places[:, 2].astype(np.float64) * sites.unit)
-    return np.asarray(minimum_filter(lowest, COLUMNS)[tuple(cells.T)])
+    z = sites.places[:, 2].astype(np.float64) * sites.unit
+    np.minimum.at(lowest, tuple(cells[sites.valid].T), z[sites.valid])
+    found = minimum_filter(lowest, COLUMNS, mode='nearest')[tuple(cells.T)]
+    return np.where(np.isfinite(found), found, z)

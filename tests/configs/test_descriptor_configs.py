@@ -1,7 +1,7 @@
 """Configs of learned descriptors build, and their demos change data, sizes and epochs alone."""
 
 import pytest
-from configs.leaves import DESCRIPTORS, has_demo
+from configs.leaves import DESCRIPTORS, LEAVES, has_demo
 from configs.test_demo_keys import MAY_CHANGE, leaf_keys
 from mmengine.config import Config
 
@@ -9,13 +9,22 @@ from rm3d_plugin.datasets import JoinedScenes
 from rm3d_plugin.datasets.base import DatasetNotFoundError
 from rm3d_plugin.engine.config import load_config
 from rm3d_plugin.engine.config_files import shipped_bases
+from rm3d_plugin.experiments.benchmarks.propagate_clicks import ROOM_SEED
+from rm3d_plugin.experiments.scenes import SEED
 from rm3d_plugin.registry import DATASETS, HOOKS, MODELS
 from rm3d_plugin.registry import DESCRIPTORS as PROVIDERS
 
 EACH = pytest.mark.parametrize('path', DESCRIPTORS, ids=lambda path: path.stem)
 LABELLED = [path for path in DESCRIPTORS if path.stem.startswith('superpoint')]
-PAIRS = [path for path in DESCRIPTORS if path not in LABELLED]
-ALSO = {'streets_root', 'more_demo_data'}  # data of the second kind of scenes
+CLASSES = [path for path in DESCRIPTORS if path.stem.startswith('semantic')]
+PAIRS = [path for path in DESCRIPTORS if path not in LABELLED + CLASSES]
+ALSO = {'streets_root', 'stations_root', 'frames_root', 'more_demo_data'}  # data of further kinds of scenes
+
+
+def demo_data(path, work_dir):
+    """Settings of the made-up scenes of a demo."""
+    config = load_config(path, work_dir / path.stem, demo=True)
+    return [config.demo_data, *config.get('more_demo_data', [])]
 
 
 @pytest.mark.parametrize('path', LABELLED, ids=lambda path: path.stem)
@@ -28,6 +37,27 @@ def test_superpoints_learn_from_the_label_store(path, tmp_path):
     assert dataset.labels == 'store' and type(dataset.pipeline[-2]).__name__ == 'ObjectSites'
     assert config.label_maker.instances and config.val_dataloader is None
     assert {hook.type for hook in config.custom_hooks} >= {'RegionMergeHook', 'DescriptorWeightsHook'}
+
+
+@pytest.mark.parametrize('path', CLASSES, ids=lambda path: path.stem)
+def test_each_data_set_has_a_block_of_classes(path, tmp_path):
+    config = load_config(path, tmp_path / 'run')
+    network = MODELS.build(config.model)
+    assert type(network).__name__ == PROVIDERS.get('Semantic').network_type and list(network.losses) == ['SiteClasses']
+    assert config.model.in_channels == PROVIDERS.get('Semantic').in_channels
+    dataset = DATASETS.build(config.train_dataloader.dataset)
+    assert isinstance(dataset, JoinedScenes)
+    counts = [len(part.classes) for part in dataset.parts]
+    assert list(config.site_classes) == counts and network.losses['SiteClasses'].layer.out_features == sum(counts)
+    steps = [part.pipeline[0] for part in dataset.parts]
+    assert [step.first_class for step in steps] == [sum(counts[:number]) for number in range(len(counts))]
+    assert all(type(part.pipeline[-2]).__name__ == 'ClassSites' for part in dataset.parts)
+
+
+def test_scenes_whose_labels_taught_the_package_are_in_no_other_demo(tmp_path):
+    taught = {item.seed for path in CLASSES for item in demo_data(path, tmp_path)}
+    others = {item.get('seed', 0) for path in LEAVES if has_demo(path) for item in demo_data(path, tmp_path)}
+    assert taught and not taught & (others | {SEED, ROOM_SEED})
 
 
 @pytest.mark.parametrize('path', PAIRS, ids=lambda path: path.stem)

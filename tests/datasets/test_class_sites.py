@@ -29,11 +29,19 @@ def test_every_label_of_a_scene_in_a_block_of_its_own(root):
 
 def test_scenes_without_classes_are_refused(root):
     class Unlabelled:
+        labels = 'none'
+
         def load_truth(self, index):
             return replace(ScanNetDataset(root, 'train').load_truth(index), semantic=None)
 
     with pytest.raises(SceneError, match='has no class of its points'):
         AllLabels()({'dataset': Unlabelled(), 'index': 0, 'scene_id': 'a'})
+
+
+def test_it_has_no_place_where_a_label_budget_counts(root):
+    rooms = ScanNetDataset(root, 'val', labels='truth')
+    with pytest.raises(ValueError, match="expected labels='none'"):
+        AllLabels()({'dataset': rooms, 'index': 0, 'scene_id': 'a'})
 
 
 def test_a_site_has_the_class_of_most_of_its_labelled_points(root):

@@ -1,4 +1,4 @@
-"""Heights of sites against loops over all others, and what turning and empty scans do."""
+"""Heights of sites against loops over all others, and what turned, strayed and empty scans do."""
 
 import numpy as np
 import pytest
@@ -37,6 +37,23 @@ def test_what_is_far_up_or_down_is_all_alike():
     points = np.r_[scene(), [[4.0, 4.0, 90.0], [4.1, 4.0, 90.0]]]
     found = with_heights(voxel_sites(points, 0.25)).inputs[:, CHANNELS:]
     assert found[:, 0].max() == 4.0 and found[:, 1].max() == 4.0
+
+
+def test_a_single_return_below_the_ground_changes_no_other_height():
+    points = scene()
+    before = with_heights(voxel_sites(points, 0.25))
+    after = with_heights(voxel_sites(np.r_[points, [[4.0, 4.0, -8.0]]], 0.25))
+    first = np.unique(after.rows[: len(points)], return_index=True)[1]
+    found, wanted = after.inputs[after.rows[first], CHANNELS], before.inputs[before.rows[first], CHANNELS]
+    assert np.abs(found - wanted).max() < 0.05
+
+
+def test_a_scan_that_is_turned_a_quarter_has_the_same_heights():
+    points = scene()
+    turned = points[:, [1, 0, 2]] * [1, -1, 1] + [0, 8, 0]
+    first, second = (with_heights(voxel_sites(each, 0.25)) for each in (points, turned))
+    gaps = np.abs(first.inputs[first.rows, CHANNELS:] - second.inputs[second.rows, CHANNELS:])
+    assert np.quantile(gaps[:, [0, 1, 3]], 0.95) < 0.05 and np.quantile(gaps[:, 2], 0.9) < 0.1
 
 
 @pytest.mark.parametrize('count', [0, 1, 3])

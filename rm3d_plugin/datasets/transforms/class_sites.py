@@ -15,8 +15,9 @@ from rm3d_plugin.structures.point_cloud import SceneError
 class AllLabels:
     """Every class of a scene, whatever a label budget allows: ``semantic``.
 
-    For networks that learn from labelled scans and are used on others. Comes first in a pipeline, of scenes that are
-    read without labels.
+    For networks that learn from labelled scans and are used on others: what was trained so has seen all labels of its
+    scans, and has no place in a run on these whose labels are counted. Comes first in a pipeline, of scenes that are
+    read without labels; others are refused.
 
     Args:
         first_class: Number of the data set's first class; where several data sets teach one network, each has a block
@@ -30,8 +31,14 @@ class AllLabels:
         """Read them.
 
         Raises:
+            ValueError: The data set reads labels itself, of a label budget say.
             SceneError: The scene has none.
         """
+        if results['dataset'].labels != 'none':
+            raise ValueError(
+                f"AllLabels: expected labels='none', got {results['dataset'].labels!r}: it would show what a label "
+                'budget hides; take it out of the pipeline'
+            )
         semantic = results['dataset'].load_truth(results['index']).semantic
         if semantic is None:
             raise SceneError(f'scene {results["scene_id"]}: has no class of its points; AllLabels needs one')

@@ -15,7 +15,6 @@ from mmengine.logging import print_log
 from rm3d_plugin.descriptors.base import Descriptor
 from rm3d_plugin.descriptors.learned.tiles import Tile, describe_tiles, make_blocks, make_tiles
 from rm3d_plugin.descriptors.learned.weights_file import SHIPPED, TrainedWeights, build_network, read_weights
-from rm3d_plugin.ops.site_histograms import WIDTH as HISTOGRAMS
 from rm3d_plugin.ops.sites import CHANNELS, Sites
 from rm3d_plugin.structures import Descriptors, PointCloud
 from rm3d_plugin.user_error import ConfigError
@@ -45,7 +44,7 @@ class LearnedDescriptor(Descriptor):
     Attributes:
         network_type: Registered name of the networks that it takes.
         backbone_type: Registered name of their backbones.
-        in_channels: Inputs of a site.
+        in_channels: Inputs of a site, which a checkpoint must agree with; None: not checked.
         blocks: Whether the network says ``block``, the edge of the cubes of a fixed grid that it sees one by one, since
             nothing bounds its reach within one.
         weights: Of the network, arrays by name.
@@ -57,7 +56,7 @@ class LearnedDescriptor(Descriptor):
 
     network_type: ClassVar[str]
     backbone_type: ClassVar[str] = 'SparseUNet'
-    in_channels: ClassVar[int] = HISTOGRAMS
+    in_channels: ClassVar[int | None] = None
     blocks: ClassVar[bool] = False
 
     def __init__(
@@ -80,7 +79,7 @@ class LearnedDescriptor(Descriptor):
                 f'{self.network_type} of a {self.backbone_type}'
             )
         inputs = trained.model.get('in_channels', CHANNELS)
-        if inputs != self.in_channels:
+        if self.in_channels is not None and inputs != self.in_channels:
             raise ConfigError(
                 f'{self._path}: its network reads {inputs} inputs of a site; {type(self).__name__} expected '
                 f'{self.in_channels}: it was trained for another descriptor'

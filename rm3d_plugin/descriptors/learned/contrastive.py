@@ -3,6 +3,7 @@
 from typing import final
 
 from rm3d_plugin.descriptors.learned.base import LearnedDescriptor
+from rm3d_plugin.ops.site_histograms import WIDTH as HISTOGRAMS
 from rm3d_plugin.ops.site_histograms import with_histograms
 from rm3d_plugin.ops.sites import Sites, voxel_sites
 from rm3d_plugin.registry import DESCRIPTORS
@@ -19,6 +20,7 @@ class Contrastive(LearnedDescriptor):
     """
 
     network_type = 'DescriptorNetwork'
+    in_channels = HISTOGRAMS
 
     def sites(self, cloud: PointCloud) -> Sites:
         """The voxels of the cloud, with the histograms of their points."""

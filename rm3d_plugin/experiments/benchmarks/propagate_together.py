@@ -1,7 +1,8 @@
 """Few clicks in each of several scans, which teach one another what classes look like; beside each scan by itself.
 
-Sources as for ``propagate-clicks``. Scans of a folder or of one kind are a group, and so are those of all npz files.
-Where some scans of a group have a channel that others lack, it is left out of all.
+Sources as for ``propagate-clicks``. Tiles of Oakland, scans of SemanticKITTI, made-up rooms and npz files are a group
+each, told by their names; the classes of all npz files must have the same numbers. All scans of a group are held in
+memory. Where some scans of a group have a channel that others lack, it is left out of all.
 """
 
 import argparse
@@ -94,7 +95,7 @@ def _means(
     for scan in scans:
         own, clicks = annotated[scan.name], clicked[scan.name]
         near = nearest_label(scan.cloud.xyz, clicks, scan.semantic[clicks])
-        taught = replace(known.beside(scan.name), sharpness=known.sharpness)
+        taught = known.beside(scan.name)
         alone, together = (
             propagate_prepared(prepared[scan.name], own, classes, rules, beside).semantic
             for beside in (Beside(), taught)

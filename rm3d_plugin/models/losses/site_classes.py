@@ -38,8 +38,17 @@ class SiteClasses(LossTerm):
         self.power, self.smoothing = power, smoothing
 
     def forward(self, batch: Batch, outputs: Any, labels: Any) -> dict[str, Tensor]:
-        """The mean over the sites whose class is known; 0 where none is."""
+        """The mean over the sites whose class is known; 0 where none is.
+
+        Raises:
+            ValueError: A class is of no block.
+        """
         known = labels.classes >= 0
+        if known.any() and int(labels.classes.max()) >= sum(self.blocks):
+            raise ValueError(
+                f'SiteClasses: got class {int(labels.classes.max())}, expected fewer than the {sum(self.blocks)} of '
+                'site_classes; first_class and site_classes must agree with the data sets'
+            )
         logits, classes = self.layer(SCALE * outputs.features[known]), labels.classes[known]
         losses, right, first = [0.0 * logits.sum()], logits.new_zeros(()), 0
         for count in self.blocks:

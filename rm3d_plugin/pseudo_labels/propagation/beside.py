@@ -64,9 +64,14 @@ def examples_of(
 ) -> tuple[Float[np.ndarray, 'examples features'], Int[np.ndarray, ' examples']]:
     """What a scan gives to :class:`Beside` of others: small regions about its labelled points, and classes.
 
+    A region with many labels of a class, as of a stroke, is one example.
+
     Args:
         scene: The scan.
         annotated: Class of each point, -1 = unknown.
     """
     rows = np.flatnonzero(annotated >= 0)
-    return scene.features[scene.scales[0].region[rows]], annotated[rows].astype(np.int64)
+    regions = scene.scales[0].region[rows]
+    _, first = np.unique(np.column_stack([regions, annotated[rows]]), axis=0, return_index=True)
+    first.sort()
+    return scene.features[regions[first]], annotated[rows[first]].astype(np.int64)

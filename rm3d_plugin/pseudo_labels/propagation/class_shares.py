@@ -10,6 +10,7 @@ from rm3d_plugin.pseudo_labels.propagation.region_scales import RegionScale
 
 LENGTH = 0.8  # of the kernel, in root mean square deviations of the features
 LEAST = 1e-9  # share of a class that features rule out
+OTHERS = 60  # examples of a class of other scans that teach where the scan has fewer; the time grows with the cube
 SURE = 0.5  # share of the regions of a class in an answer that may teach: the surer ones
 TAUGHT = 60  # of these that do, of each class
 
@@ -22,7 +23,7 @@ def class_shares(
     Args:
         scene: The scan.
         labels: Of its points, and examples of other scans.
-        examples: Labels of a class that teach, at most, and as many of other scans.
+        examples: Labels of a class that teach, at most.
         answer: Of an earlier round: the regions that are surest of it teach, too. None: labels alone.
     """
     out = np.zeros((len(scene.cloud), labels.num_classes), dtype=np.float32)
@@ -56,21 +57,25 @@ def surest_regions(
     return rows, said[rows]
 
 
-def teaching_counts(labels: Labels, examples: int) -> Int[np.ndarray, ' classes']:
-    """How many teach each class: places of the scan that are labelled, and examples of other scans.
+def teaching_counts(labels: Labels) -> Int[np.ndarray, ' classes']:
+    """How many teach each class: places of the scan that are labelled, and examples of other scans."""
+    there = np.bincount(labels.other_classes, minlength=labels.num_classes)
+    return np.asarray(labels.place_counts + np.minimum(there, _most_others(labels.counts)), dtype=np.int64)
 
-    Args:
-        labels: Of the scan.
-        examples: Of a class of other scans that teach, at most.
-    """
-    lent = np.bincount(labels.other_classes, minlength=labels.num_classes)
-    return np.asarray(labels.place_counts + np.minimum(lent, examples), dtype=np.int64)
+
+def _most_others(own: Int[np.ndarray, ' classes']) -> Int[np.ndarray, ' classes']:
+    return np.maximum(own, OTHERS)
 
 
 def _own(
     scale: RegionScale, labels: Labels, examples: int
 ) -> tuple[Float[np.ndarray, 'rows features'], Int[np.ndarray, ' rows']]:
-    """Regions with a label, and examples of other scans; of each class so many at most of either."""
-    own, lent = evenly_chosen(labels.classes, examples), evenly_chosen(labels.other_classes, examples)
-    rows = np.concatenate([scale.features[scale.region[labels.points[own]]], labels.others[lent]])
-    return rows, np.concatenate([labels.classes[own], labels.other_classes[lent]])
+    """Regions with a label, and examples of other scans: as many of a class as own ones, or :data:`OTHERS`."""
+    own = evenly_chosen(labels.classes, examples)
+    rows, classes = scale.features[scale.region[labels.points[own]]], labels.classes[own]
+    most = _most_others(np.bincount(classes, minlength=labels.num_classes))
+    for each in np.unique(labels.other_classes):
+        lent = np.flatnonzero(labels.other_classes == each)
+        lent = lent[evenly_chosen(labels.other_classes[lent], int(most[each]))]
+        rows, classes = np.concatenate([rows, labels.others[lent]]), np.append(classes, labels.other_classes[lent])
+    return rows, classes

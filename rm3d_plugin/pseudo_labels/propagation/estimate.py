@@ -188,4 +188,6 @@ def miou_draws(
 
 def calibrated(shares: Float[np.ndarray, 'points classes'], power: float) -> Float[np.ndarray, 'points classes']:
     """Probabilities that are right as often as they say; the class of a point stays."""
-    return np.asarray(normalised(np.maximum(shares, 0.0) ** power), dtype=np.float32)
+    shares = np.maximum(shares, 0.0)
+    most = shares.max(axis=1, keepdims=True, initial=0.0)
+    return np.asarray(normalised((shares / np.where(most > 0, most, 1.0)) ** power), dtype=np.float32)

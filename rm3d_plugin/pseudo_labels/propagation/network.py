@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
-from rm3d_plugin.pseudo_labels.propagation.estimate import power_as_claimed
+from rm3d_plugin.pseudo_labels.propagation.estimate import HELD, power_as_claimed
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
@@ -16,6 +16,7 @@ from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, Pull, at_po
 
 POWERS = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # inverse temperatures that are tried
 PULLS = (0.0, 0.01, 0.05, 0.25)  # that are tried, as shares of the usual degree of a point; without the network first
+MOST_SHARPER = 4.0  # power that an answer with the network gets beside that of one without
 LEAST = 1e-6
 
 
@@ -79,8 +80,18 @@ def judge_network(trials: Sequence[Trial], rules: WalkerRules) -> NetworkSay:
     shares = np.concatenate([each.shares for each in tried], axis=1)
     found = np.sum([each.found for each in tried], axis=0)
     best = best_strength(shares.argmax(axis=2) == classes, classes, rules.network_errors_apart)
-    powers = [power_as_claimed(shares[each], classes, found[each]) for each in (0, best)]
-    return NetworkSay(PULLS[best], power, len(classes), powers[1] / powers[0])
+    return NetworkSay(PULLS[best], power, len(classes), _sharper(shares[[0, best]], classes, found[[0, best]]))
+
+
+def _sharper(
+    shares: Float[np.ndarray, 'two judges present'],
+    classes: Int[np.ndarray, ' judges'],
+    found: Float[np.ndarray, 'two present'],
+) -> float:
+    """See :attr:`NetworkSay.sharper`; few labels that judge change little, and four times is the most."""
+    before, after = (power_as_claimed(each, classes, points) for each, points in zip(shares, found, strict=True))
+    trust = len(classes) / (len(classes) + HELD)
+    return float(np.clip((after / before) ** trust, 1 / MOST_SHARPER, MOST_SHARPER))
 
 
 def network_power(said: Float[np.ndarray, 'judges classes'], classes: Int[np.ndarray, ' judges']) -> float:

@@ -15,8 +15,8 @@ class NetworkSay(NamedTuple):
         weight: Pull, as a share of the usual degree of a point; 0: no say.
         power: Inverse temperature by which its probabilities are right as often as they say.
         labels: That judged it.
-        sharper: Power that makes an answer with it as sure of itself as one without: of the labels that judge, each
-            answer is then right as often as it says.
+        sharper: Power that makes an answer with it as sure of itself as one without it, as far as the labels that judge
+            can tell: each is then right as often as it says.
     """
 
     weight: float
@@ -48,7 +48,7 @@ class WalkerRules:
         least_left_out: Labels that can be left out without taking a class away, below which nothing is left out.
         errors_apart: Standard errors by which another candidate must be ahead of the default.
         network_errors_apart: The same for a network beside none.
-        examples: Labels of a class that teach its features, at most, and as many of other scans.
+        examples: Labels of a class that teach its features, at most.
         draws: Of the interval of the estimate.
         seed: Of folds and draws.
     """

@@ -125,7 +125,7 @@ def at_points(graphs: list[CoarseGraph], found: list[Solution]) -> Float[np.ndar
 
 def trust_of(labels: Labels, rules: WalkerRules) -> float:
     """How far those that teach the features are to be trusted: labels of the scan by place, and examples of others."""
-    counts = teaching_counts(labels, rules.examples)
+    counts = teaching_counts(labels)
     return label_trust(counts[counts > 0], rules.prior_half)
 
 

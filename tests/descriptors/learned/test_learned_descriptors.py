@@ -134,6 +134,8 @@ def test_checkpoints_that_are_refused(files, tmp_path):
     refused(bytes(flipped), 'bad.npz')
     with pytest.raises(ConfigError, match='Contrastive expected a DescriptorNetwork'):
         build('Contrastive', {'Contrastive': files['Predator']})
+    with pytest.raises(ConfigError, match='reads 44 inputs of a site; Contrastive expected 40'):
+        build('Contrastive', {'Contrastive': files['Semantic']})
 
 
 def rewritten(path, source, **changes):
@@ -179,7 +181,9 @@ def test_weights_of_the_package_are_small_and_have_a_card(name):
 @pytest.mark.parametrize('name', [name for name in SHIPPED if name != 'SupervisedSuperpoint'])  # it knows borders alone
 def test_the_weights_of_the_package_know_a_turned_scan_again(name, cloud):
     part = DESCRIPTORS.build({'type': name})
-    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    free = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    upright = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    turn = upright if name == 'Semantic' else free  # it knows what is up
     first, second = part.compute(cloud), part.compute(PointCloud((cloud.xyz @ turn.T).astype(np.float32)))
     alike = (first.values * second.values).sum(axis=1)
     others = (first.values * second.values[::-1]).sum(axis=1)

@@ -50,6 +50,11 @@ def test_smoothing_spreads_a_share_over_the_block():
     assert values['loss_classes'].item() == pytest.approx(0.75 * one + 0.25 * other, rel=1e-6)
 
 
+def test_a_class_of_no_block_is_refused():
+    with pytest.raises(ValueError, match='got class 4, expected fewer than the 4'):
+        said([[1.0, 0.0]], [4])
+
+
 def test_sites_of_unknown_class_teach_nothing():
     values, rows = said([[1.0, 0.0], [0.3, 0.4]], [-1, -1])
     values['loss_classes'].backward()

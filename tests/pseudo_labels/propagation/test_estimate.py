@@ -101,3 +101,10 @@ def test_the_likeliest_power_is_that_by_which_labels_were_drawn():
     shares = calibrated(true, 0.5).astype(np.float64)
     found = np.bincount(shares.argmax(axis=1), minlength=2) / len(shares)
     assert POWERS[label_gains(shares, classes, found).sum(axis=1).argmax()] == pytest.approx(2.0, rel=0.2)
+
+
+def test_a_high_power_of_even_shares_keeps_the_likeliest_class():
+    shares = np.full((1, 40), 1 / 40, dtype=np.float32)
+    shares[0, 3] += 1e-3
+    assert calibrated(shares, 32.0).argmax() == 3 and calibrated(shares, 32.0).sum() == pytest.approx(1, abs=1e-5)
+    assert not calibrated(np.zeros((2, 3)), 2.0).any() and calibrated(np.zeros((0, 3)), 2.0).shape == (0, 3)

@@ -49,22 +49,22 @@ def test_a_right_answer_teaches():
 
 def test_examples_of_other_scans_teach_and_count():
     cloud, semantic = scene()
-    prepared, rules = prepare_cloud(cloud), WalkerRules(examples=30)
+    prepared, rules = prepare_cloud(cloud), WalkerRules()
     one = labels_of(semantic, 1, prepared)
     other, known = scene(seed=5)
-    points = np.flatnonzero(clicks(known, 40) >= 0)
+    points = np.flatnonzero(clicks(known, 80) >= 0)
     lent = prepare_cloud(other)
     features = lent.features[lent.scales[0].region[points]]
     many = one._replace(others=features, other_classes=known[points])
-    assert teaching_counts(one, 30).tolist() == [1, 1, 1]
-    assert teaching_counts(many, 30).tolist() == [31, 31, 31]
+    assert teaching_counts(one).tolist() == [1, 1, 1]
+    assert teaching_counts(many).tolist() == [61, 61, 61]
     few = one._replace(others=features[:2], other_classes=known[points][:2])
-    assert teaching_counts(few, 30).sum() == 5
+    assert teaching_counts(few).sum() == 5
     assert strength_of(DEFAULT, one, rules) == rules.features_strength  # one a class is not to be trusted
-    trust = (31 - 1) / (31 + rules.prior_half - 2)
+    trust = (61 - 1) / (61 + rules.prior_half - 2)
     wanted = rules.features_strength + trust * (rules.taught_strength - rules.features_strength)
     assert strength_of(DEFAULT, many, rules) == pytest.approx(wanted)
-    right = [np.mean(class_shares(prepared, each, 30).argmax(axis=1) == semantic) for each in (one, many)]
+    right = [np.mean(class_shares(prepared, each, 200).argmax(axis=1) == semantic) for each in (one, many)]
     assert right[1] > max(right[0], 0.95)
 
 
