@@ -66,7 +66,7 @@ def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Dense ground truth of one scene: for label budgets, evaluation and reports, never for training.
+    """Dense ground truth of one scene: for label budgets, evaluation and reports, never for training with a budget.
 
     Attributes:
         boxes: Boxes of the data set's classes.
