@@ -1,4 +1,4 @@
-"""What a learned descriptor says of the points of a scan: a few columns more that tell classes apart."""
+"""What learned descriptors say of the points of a scan: some columns more that tell classes apart."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -6,18 +6,19 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
-from rm3d_plugin.descriptors import Semantic
+from rm3d_plugin.descriptors import LearnedDescriptor, PointSIFT, Semantic
 from rm3d_plugin.structures import PointCloud
 
-WIDTH = 32  # values of a point
+HEARD: tuple[type[LearnedDescriptor], ...] = (PointSIFT, Semantic)  # which place, and which class of synthetic scans
+WIDTH = 32 * len(HEARD)  # values of a point
 AT_ONCE = 8  # columns of all points that are held in memory
 
 
 def learned_features(cloud: PointCloud) -> Iterator[Float[np.ndarray, 'points columns']]:
-    """Descriptors of all points by :class:`~rm3d_plugin.descriptors.Semantic`, some columns at a time.
+    """Descriptors of all points by each of :data:`HEARD`, some columns at a time.
 
-    Its weights are those of the package, learnt from the classes of synthetic scans alone; its unit is the scan's own
-    density. Points that it cannot describe have zeros.
+    Their weights are those of the package, learnt from synthetic scans alone; their unit is the scan's own density.
+    Points that they cannot describe have zeros.
 
     Args:
         cloud: As given.
@@ -25,12 +26,13 @@ def learned_features(cloud: PointCloud) -> Iterator[Float[np.ndarray, 'points co
     if not len(cloud):
         yield np.zeros((0, WIDTH), dtype=np.float32)
         return
-    described = _descriptor().compute(cloud)
-    rows = described.row_numbers()
-    for first in range(0, WIDTH, AT_ONCE):
-        yield described.source[:, first : first + AT_ONCE][rows]
+    for descriptor in _descriptors():
+        described = descriptor.compute(cloud)
+        rows = described.row_numbers()
+        for first in range(0, described.source.shape[1], AT_ONCE):
+            yield described.source[:, first : first + AT_ONCE][rows]
 
 
 @cache
-def _descriptor() -> Semantic:
-    return Semantic(Semantic.shipped())
+def _descriptors() -> tuple[LearnedDescriptor, ...]:
+    return tuple(kind(kind.shipped()) for kind in HEARD)

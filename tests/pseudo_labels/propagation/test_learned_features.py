@@ -1,9 +1,9 @@
-"""Columns of a learned descriptor: those of Semantic, whatever the cloud."""
+"""Columns of learned descriptors: those of PointSIFT, then of Semantic, whatever the cloud."""
 
 import numpy as np
 import pytest
 
-from rm3d_plugin.descriptors import Semantic
+from rm3d_plugin.descriptors import PointSIFT, Semantic
 from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.learned_features import WIDTH, learned_features
 from rm3d_plugin.structures import PointCloud
@@ -21,7 +21,8 @@ def bent_sheet(count=3000):
 def test_they_are_those_of_the_descriptor_in_any_order_of_the_points():
     cloud = PointCloud(bent_sheet())
     found = columns(cloud)
-    assert np.array_equal(found, Semantic().compute(cloud).values)
+    wanted = [PointSIFT().compute(cloud).values, Semantic().compute(cloud).values]
+    assert np.array_equal(found, np.concatenate(wanted, axis=1))
     order = np.random.default_rng(1).permutation(len(cloud))
     assert np.allclose(columns(cloud.select(order)), found[order], atol=1e-5)
     flat, slope = found[cloud.xyz[:, 0] < 0.7].mean(axis=0), found[cloud.xyz[:, 0] > 1.3].mean(axis=0)
