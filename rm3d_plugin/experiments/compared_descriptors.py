@@ -12,6 +12,7 @@ ORDER = (
     'VisualSimilarity', 'HKS', 'SIHKS', 'FPFH', 'WKS', 'SHOT', 'VCCS', 'SuperpointGraph', 'PFH', 'PointSIFT',
     'SupervisedSuperpoint', 'Contrastive', 'Predator', 'AdaptedPFH',
 )  # fmt: skip
+BEYOND = ('Semantic',)  # not of the paper: rows where they are asked for by name
 
 
 def compared_descriptors() -> tuple[str, ...]:
@@ -20,16 +21,21 @@ def compared_descriptors() -> tuple[str, ...]:
     return tuple(name for name in ORDER if name in kinds and _has_weights(kinds[name]))
 
 
+def named_descriptors() -> tuple[str, ...]:
+    """Those, and others that can be asked for by name."""
+    return *compared_descriptors(), *BEYOND
+
+
 def asked_descriptors(request: Request) -> tuple[str, ...]:
     """The rows that a request asks for, in the order of the tables.
 
     Raises:
-        ConfigError: A name is not among :func:`compared_descriptors`.
+        ConfigError: A name is not among :func:`named_descriptors`.
     """
-    names = compared_descriptors()
+    names = named_descriptors()
     if unknown := sorted(set(request.descriptors) - set(names)):
         raise ConfigError(f'descriptors: expected some of {", ".join(names)}; got {", ".join(unknown)}')
-    return tuple(name for name in names if name in request.descriptors or not request.descriptors)
+    return tuple(name for name in names if name in request.descriptors) or compared_descriptors()
 
 
 def _has_weights(kind: type[Descriptor]) -> bool:

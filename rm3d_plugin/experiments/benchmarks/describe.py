@@ -8,7 +8,7 @@ from typing import Any
 from rm3d_plugin.engine.config import ConfigError
 from rm3d_plugin.experiments.benchmarks import clouds
 from rm3d_plugin.experiments.benchmarks.measure import in_own_process, machine
-from rm3d_plugin.experiments.compared_descriptors import compared_descriptors
+from rm3d_plugin.experiments.compared_descriptors import compared_descriptors, named_descriptors
 
 NAME = 'describe'
 HELP = 'every descriptor of all points of a room, with the indoor preset, each in a process of its own'
@@ -27,9 +27,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         ConfigError: A name is not a descriptor that works at once.
     """
     names = args.descriptors or compared_descriptors()
-    if unknown := sorted(set(names) - set(compared_descriptors())):
+    if unknown := sorted(set(names) - set(named_descriptors())):
         raise ConfigError(
-            f'--descriptors: expected some of {", ".join(compared_descriptors())}; got {", ".join(unknown)}'
+            f'--descriptors: expected some of {", ".join(named_descriptors())}; got {", ".join(unknown)}'
         )
     found = {name: in_own_process(__name__, 'one', args.threads, [name, args.points]) for name in names}
     return {'points': args.points, 'descriptors': found, 'threads': args.threads, 'machine': machine()}
