@@ -28,9 +28,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """
     names = args.descriptors or compared_descriptors()
     if unknown := sorted(set(names) - set(named_descriptors())):
-        raise ConfigError(
-            f'--descriptors: expected some of {", ".join(named_descriptors())}; got {", ".join(unknown)}'
-        )
+        raise ConfigError(f'--descriptors: expected some of {", ".join(named_descriptors())}; got {", ".join(unknown)}')
     found = {name: in_own_process(__name__, 'one', args.threads, [name, args.points]) for name in names}
     return {'points': args.points, 'descriptors': found, 'threads': args.threads, 'machine': machine()}
 
