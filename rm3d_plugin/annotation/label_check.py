@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels, places_of
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels, one_of_each
 from rm3d_plugin.pseudo_labels.propagation.live import LiveAnswer
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 
@@ -44,10 +44,7 @@ def check_given(
         points: Labelled ones, each once.
         classes: Of these.
     """
-    places = places_of(scene.cloud.xyz[points], classes, scene.spacing)
-    labels = Labels(
-        points, classes, int(classes.max(initial=-1)) + 1, places, scene.features[:0], np.zeros(0, dtype=np.int64)
-    )
+    labels = Labels.of(scene, points, classes, int(classes.max(initial=-1)) + 1)
     part = label_folds(labels, FOLDS, np.random.default_rng(0))
     said, own, share = classes.copy(), np.full(len(points), np.nan), np.ones(len(points))
     for number in np.unique(part[part >= 0]):
@@ -55,7 +52,7 @@ def check_given(
         shares = ask(points[~left], classes[~left]).shares[points[left]]
         said[left], share[left] = shares.argmax(axis=1), shares.max(axis=1)
         own[left] = np.take_along_axis(shares, classes[left, None], axis=1)[:, 0]
-    return LabelCheck(points, places, said, own, share)
+    return LabelCheck(points, labels.places, said, own, share)
 
 
 def contradicted(check: LabelCheck, classes: Int[np.ndarray, ' labelled']) -> Int[np.ndarray, ' rows']:
@@ -67,4 +64,4 @@ def contradicted(check: LabelCheck, classes: Int[np.ndarray, ' labelled']) -> In
     """
     rows = np.flatnonzero(check.said != classes)
     rows = rows[np.argsort(-check.share[rows], kind='stable')]
-    return rows[np.sort(np.unique(check.places[rows], return_index=True)[1])]
+    return rows[one_of_each(check.places[rows])]

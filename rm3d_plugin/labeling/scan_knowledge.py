@@ -16,6 +16,7 @@ from rm3d_plugin.pseudo_labels.propagation.checked import (
     sharpness_of,
 )
 from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated, estimate_miou
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 
 TEACHING_SCANS = 128  # about as many, evenly chosen, teach what classes look like
 CHECKED_SCANS = 16  # in about as many labels are left out
@@ -40,7 +41,7 @@ class ScanKnowledge:
         annotated: Gives the class of each labelled point of a scan, -1 elsewhere.
         classes: Number of classes.
         rules: Of the walk.
-        judging: Share of the labels of each class that judge the network.
+        judging: Share of the labels of each class that judge the network; a stroke judges where its first label does.
         seed: Of which these are.
     """
 
@@ -56,6 +57,7 @@ class ScanKnowledge:
     ) -> None:
         self._scene_ids, self._scan, self._annotated = scene_ids, scan, annotated
         self._classes, self._rules, self._judging, self._seed = classes, rules, judging, seed
+        self._judges: dict[str, Int[np.ndarray, ' judging']] = {}
 
     def beside(self, scene_id: str) -> Beside:
         """Examples of the other scans, and every class that any of them shows: it may be in this one, too."""
@@ -104,14 +106,24 @@ class ScanKnowledge:
         left, classes = self.checked.shares[:, there], np.searchsorted(there, self.checked.classes)
         return estimate_miou(as_left_out, left, classes, self._rules.draws, np.random.default_rng(self._seed))
 
+    def judges(self, scene_id: str) -> Int[np.ndarray, ' judging']:
+        """Points of a scan whose labels training is not told, so that they can judge; whole strokes or none of one."""
+        if scene_id not in self._judges:
+            points, classes = self._labels[scene_id]
+            drawn = self._drawn[scene_id]
+            if drawn.any():
+                labels = Labels.of(self._scan(scene_id), points, classes, self._classes)
+                drawn = whole_places(labels.places, classes, drawn)
+            self._judges[scene_id] = points[drawn]
+        return self._judges[scene_id]
+
     @cached_property
-    def judges(self) -> dict[str, Int[np.ndarray, ' judging']]:
-        """Points of each scan whose labels training is not told, so that they can judge: a share of each class."""
-        labels = self._labels.values()
-        owner = np.repeat(np.arange(len(labels)), [len(each.classes) for each in labels])
-        points, classes = (np.concatenate(column) for column in zip(*labels, strict=True))
+    def _drawn(self) -> dict[str, Bool[np.ndarray, ' labels']]:
+        """Which labels of each scan were drawn as judges: a share of each class."""
+        classes = np.concatenate([labels.classes for labels in self._labels.values()])
         kept = share_of_each(classes, self._judging, self._seed)
-        return {scene: np.sort(points[kept & (owner == number)]) for number, scene in enumerate(self._labels)}
+        ends = np.cumsum([len(labels.classes) for labels in self._labels.values()])
+        return dict(zip(self._labels, np.split(kept, ends[:-1]), strict=True))
 
     @cached_property
     def _labels(self) -> dict[str, _Labels]:
@@ -148,3 +160,23 @@ def share_of_each(classes: Int[np.ndarray, ' labels'], share: float, seed: int) 
         rows = generator.permutation(np.flatnonzero(classes == own))
         chosen[rows[: int(share * len(rows))]] = True
     return chosen
+
+
+def whole_places(
+    places: Int[np.ndarray, ' labels'], classes: Int[np.ndarray, ' labels'], drawn: Bool[np.ndarray, ' labels']
+) -> Bool[np.ndarray, ' labels']:
+    """Labels that judge, those of one place together: a network that was taught a part of a stroke knows the rest.
+
+    Where the first label of a place was drawn all judge, but for a stroke that is all that the scan shows of its class.
+
+    Args:
+        places: Of each label.
+        classes: Of each label.
+        drawn: Which were drawn one by one.
+
+    >>> whole_places(np.array([0, 0, 1, 2, 2]), np.array([5, 5, 5, 7, 7]), np.array([True, False, False, True, False]))
+    array([ True,  True, False, False, False])
+    """
+    _, first, place, sizes = np.unique(places, return_index=True, return_inverse=True, return_counts=True)
+    only = np.bincount(classes[first])[classes[first]] == 1
+    return np.asarray((drawn[first] & ~(only & (sizes > 1)))[place])

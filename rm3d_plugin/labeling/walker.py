@@ -125,7 +125,7 @@ class WalkerLabelMaker(LabelMaker):
         annotated = self.annotated(scene_id)
         if annotated.complete or number >= self._rounds - 1:
             return annotated
-        return without(annotated, self.known.judges[scene_id])
+        return without(annotated, self.known.judges(scene_id))
 
     def _shown(self, scene_id: str) -> Int[np.ndarray, ' points']:
         """Class of each annotated point, -1 elsewhere; of a complete scene a few of each class stand for all."""

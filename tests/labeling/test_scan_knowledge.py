@@ -1,11 +1,14 @@
 """What labels of all scans tell: the estimate."""
 
 import numpy as np
+from reference.corner_scan import FLOOR, WALL, corner
 
 from rm3d_plugin.labeling.scan_knowledge import ScanKnowledge
-from rm3d_plugin.pseudo_labels.propagation import WalkerRules
+from rm3d_plugin.pseudo_labels.propagation import WalkerRules, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.checked import CheckedLabels
 from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated, estimate_miou
+from rm3d_plugin.pseudo_labels.propagation.scores import painted, shown
+from rm3d_plugin.structures import PointCloud
 
 
 def test_a_class_that_no_answer_names_counts_as_in_one_scan():
@@ -23,3 +26,20 @@ def test_a_class_that_no_answer_names_counts_as_in_one_scan():
     alone = estimate_miou(shares[:, :3], left[:, :3], classes, WalkerRules().draws, np.random.default_rng(0))
     assert told.labels == 60 and told.sharpness == alone.sharpness
     np.testing.assert_allclose(told[:3], alone[:3], atol=1.0)
+
+
+def test_a_stroke_judges_as_a_whole_or_is_taught_as_a_whole():
+    xyz, semantic = corner()
+    middles = np.flatnonzero(semantic == FLOOR)[[64, 78, 90 + 64, 720 + 64]]
+    strokes = [painted(xyz, semantic, middles[[each]], 0.21) for each in range(4)]
+    only = painted(xyz, semantic, np.flatnonzero(semantic == WALL)[[400]], 0.21)
+    annotated = shown(semantic, np.unique(np.concatenate([*strokes, only])))
+    scans = {'corner': prepare_cloud(PointCloud(xyz.astype(np.float32)))}
+    judging = set()
+    for seed in range(20):
+        known = ScanKnowledge(['corner'], scans.get, lambda scene: annotated, 2, WalkerRules(), 0.3, seed)
+        judges = known.judges('corner')
+        shares = [np.isin(stroke, judges).mean() for stroke in [*strokes, only]]
+        assert set(shares) <= {0.0, 1.0} and shares[-1] == 0.0  # nothing else is shown of the wall
+        judging |= set(np.flatnonzero(shares))
+    assert len(judging) > 1

@@ -26,11 +26,13 @@ from rm3d_plugin.datasets.synthetic.rooms import make_room
 from rm3d_plugin.evaluation.realism import ROOM_POINTS
 from rm3d_plugin.experiments.benchmarks.measure import machine
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation.propagate import propagate_prepared
 from rm3d_plugin.pseudo_labels.propagation.scores import (
     BUDGETS,
     draw_clicks,
     painted,
     propagation_scores,
+    shown,
     unlabelled_miou,
 )
 from rm3d_plugin.structures import PointCloud
@@ -143,15 +145,18 @@ def walked(weights: scipy.sparse.csr_array, clicked: np.ndarray, classes: np.nda
 
 
 def rows_of(scan: Scan, seeds: list[int], walker: bool, stroke: float = 0.0) -> Iterator[tuple[str, list[float]]]:
-    """Budget and nearest, place and colour, walker, ours, estimate, low, high, seconds, seconds of the preparation."""
+    """Budget, and nearest, place and colour, walker, ours, estimate, low, high, seconds, seconds to prepare, middles.
+
+    All on the points outside of the strokes; *middles*: ours from the clicks in the middle of the strokes alone.
+    """
     began = time.perf_counter()
     scene = prepare_cloud(scan.cloud)
     prepared = time.perf_counter() - began
-    weights = plain_walker(scene) if walker else None
+    weights, classes = plain_walker(scene) if walker else None, int(scan.semantic.max()) + 1
     for seed in seeds:
         for budget in BUDGETS:
-            clicked = draw_clicks(scan.semantic, budget, np.random.default_rng(seed))
-            clicked = painted(scan.cloud.xyz, scan.semantic, clicked, stroke)
+            middles = draw_clicks(scan.semantic, budget, np.random.default_rng(seed))
+            clicked = painted(scan.cloud.xyz, scan.semantic, middles, stroke)
             score = propagation_scores(scene, scan.semantic, clicked)
             floor = np.nan
             if weights is not None:
@@ -159,7 +164,20 @@ def rows_of(scan: Scan, seeds: list[int], walker: bool, stroke: float = 0.0) -> 
                 floor = unlabelled_miou(said, scan.semantic, clicked)
             estimate = score.result.estimate
             told = [np.nan] * 3 if estimate is None else [estimate.miou, estimate.low, estimate.high]
-            row = [score.nearest, score.place_and_colour, floor, score.propagated, *told, score.seconds, prepared]
+            alone = np.nan
+            if stroke > 0:
+                said = propagate_prepared(scene, shown(scan.semantic, middles), classes).semantic
+                alone = unlabelled_miou(said, scan.semantic, clicked)
+            row = [
+                score.nearest,
+                score.place_and_colour,
+                floor,
+                score.propagated,
+                *told,
+                score.seconds,
+                prepared,
+                alone,
+            ]
             line = ' '.join(f'{value:6.1f}' for value in row)
             text = f'{scan.name:16s} seed {seed} {budget:14s} {line}  {score.result.choice.candidate}'
             print(text, file=sys.stderr, flush=True)
@@ -186,6 +204,7 @@ def summary(rows: list[list[float]]) -> dict[str, float | None]:
         'place_and_colour_miou': _mean(coloured),
         'walker_miou': _mean(walker),
         'ours_miou': _mean(ours),
+        'middles_miou': _mean(table[:, 9]),
         'worst_against_trivial': _least(ours - np.fmax(near, coloured)),
         'worst_against_walker': _least(ours - walker),
         'intervals': int(known.sum()),

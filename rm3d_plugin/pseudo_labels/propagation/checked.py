@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from rm3d_plugin.pseudo_labels.propagation.beside import Beside
 from rm3d_plugin.pseudo_labels.propagation.estimate import power_as_claimed
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
+from rm3d_plugin.pseudo_labels.propagation.labels import one_of_each
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
@@ -17,7 +18,7 @@ from rm3d_plugin.pseudo_labels.propagation.solve import at_points, coarse_graphs
 
 
 class CheckedLabels(NamedTuple):
-    """What was said of labels that were left out.
+    """What was said of labels that were left out, one of each place.
 
     Attributes:
         shares: (L, C) rows of sum 1.
@@ -50,7 +51,7 @@ def check_labels(
     graphs, folds = coarse_graphs(scene, labels.points, rules.left_out_nodes), max(rules.folds, 2)
     part = label_folds(labels, folds, np.random.default_rng(rules.seed))
     alone = part < 0
-    part[alone] = np.arange(np.count_nonzero(alone)) % folds
+    part[alone] = np.unique(labels.places[alone], return_inverse=True)[1] % folds
     shares, found = np.zeros((len(part), num_classes)), np.zeros(num_classes)
     for number in np.unique(part):
         asked = part == number
@@ -60,7 +61,8 @@ def check_labels(
         said = at_points(graphs, solve(scene, graphs, told, strength_of(DEFAULT, told, rules), rules))
         shares[np.ix_(asked, present)] = said[labels.points[asked]]
         found[present] += np.bincount(said.argmax(axis=1), minlength=len(present))
-    return CheckedLabels(shares, annotated[labels.points].astype(np.int64), found)
+    rows = one_of_each(labels.places, rules.seed)
+    return CheckedLabels(shares[rows], annotated[labels.points[rows]].astype(np.int64), found)
 
 
 def joined(checked: Sequence[CheckedLabels]) -> CheckedLabels:

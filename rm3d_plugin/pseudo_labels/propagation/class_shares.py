@@ -58,9 +58,9 @@ def surest_regions(
 
 
 def teaching_counts(labels: Labels) -> Int[np.ndarray, ' classes']:
-    """How many teach each class: places of the scan that are labelled, and examples of other scans."""
+    """How many teach each class: regions of the scan that are labelled, and examples of other scans."""
     there = np.bincount(labels.other_classes, minlength=labels.num_classes)
-    return np.asarray(labels.place_counts + np.minimum(there, _most_others(labels.counts)), dtype=np.int64)
+    return np.asarray(labels.region_counts + np.minimum(there, _most_others(labels.counts)), dtype=np.int64)
 
 
 def _most_others(own: Int[np.ndarray, ' classes']) -> Int[np.ndarray, ' classes']:
@@ -70,9 +70,11 @@ def _most_others(own: Int[np.ndarray, ' classes']) -> Int[np.ndarray, ' classes'
 def _own(
     scale: RegionScale, labels: Labels, examples: int
 ) -> tuple[Float[np.ndarray, 'rows features'], Int[np.ndarray, ' rows']]:
-    """Regions with a label, and examples of other scans: as many of a class as own ones, or :data:`OTHERS`."""
-    own = evenly_chosen(labels.classes, examples)
-    rows, classes = scale.features[scale.region[labels.points[own]]], labels.classes[own]
+    """Regions with a label, each once a place, and examples of other scans: as many as own ones, or :data:`OTHERS`."""
+    regions = scale.region[labels.points]
+    first = np.sort(np.unique(np.column_stack([regions, labels.places]), axis=0, return_index=True)[1])
+    own = first[evenly_chosen(labels.classes[first], examples)]
+    rows, classes = scale.features[regions[own]], labels.classes[own]
     most = _most_others(np.bincount(classes, minlength=labels.num_classes))
     for each in np.unique(labels.other_classes):
         lent = np.flatnonzero(labels.other_classes == each)

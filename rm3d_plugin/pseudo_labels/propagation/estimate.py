@@ -17,7 +17,7 @@ from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
 POWERS = tuple(2.0 ** (step / 4) for step in range(-8, 13))  # of the probabilities that are tried, 1/4 to 8
 USUAL = 2.0  # of the answers of the chosen scans: they have all labels, those that are checked four of five
 HELD = 20.0  # log likelihood, of all labels together, that a power e times the usual one must gain
-LABELS_WORTH = 0.75  # observations of a class's IoU that a left-out label counts as; chosen so that intervals hold
+LABELS_WORTH = 0.9  # observations of a class's IoU that a left-out label counts as; chosen so that intervals hold
 LEAST_LABELS = 3  # of a class that can be left out, in half of the classes, or there is no estimate
 INSIDE = (0.05, 0.95)  # quantiles of the draws that the interval spans
 SAMPLE = 1 << 16  # points that stand for all

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
 from rm3d_plugin.pseudo_labels.propagation.given_up import still_wanted
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels, one_of_each
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, Candidate, WalkerRules
@@ -19,7 +19,7 @@ class LeftOut(NamedTuple):
     """Answers at labels that were left out.
 
     Attributes:
-        rows: Which of the labels could be left out.
+        rows: Which of the labels could be left out, one of each place: others beside it tell the same.
         shares: Candidate -> (L, C) what it says of these; trivial answers are sure.
     """
 
@@ -39,10 +39,11 @@ def leave_labels_out(
         rules: How many parts, and on how coarse graphs.
 
     Returns:
-        None where too few labels can be left out (:attr:`WalkerRules.least_left_out`).
+        None where labels of too few places can be left out (:attr:`WalkerRules.least_left_out`).
     """
     part = label_folds(labels, max(rules.folds, 2), np.random.default_rng(rules.seed))
     rows = np.flatnonzero(part >= 0)
+    rows = rows[one_of_each(labels.places[rows], rules.seed)]
     if rules.folds < 2 or len(rows) < rules.least_left_out:
         return None
     graphs = coarse_graphs(scene, labels.points, rules.left_out_nodes)

@@ -13,9 +13,10 @@ import scipy.sparse.linalg
 from jaxtyping import Float, Int
 from scipy.linalg import cho_factor, cho_solve
 
+from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import evenly_chosen, normalised
 from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels, places_of
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import prior_shift
 from rm3d_plugin.pseudo_labels.propagation.rules import WalkerRules
@@ -54,6 +55,7 @@ class LivePropagation:
     def __init__(self, scene: PreparedCloud, rules: WalkerRules | None = None) -> None:
         self.scene, self._rules = scene, rules or WalkerRules()
         self._coarse_scales = scene._replace(scales=scene.scales[1:] or scene.scales)
+        self._tree = Octree(scene.cloud.xyz)
         self._graphs = [_Graph(graph) for graph in coarse_graphs(scene, np.zeros(0, np.int64), NODES)]
 
     def answer(
@@ -70,8 +72,7 @@ class LivePropagation:
         if not len(points):
             return LiveAnswer(np.zeros((count, num_classes), np.float32), np.zeros(count, np.float32))
         present, own = np.unique(classes, return_inverse=True)
-        places = places_of(self.scene.cloud.xyz[points], own, self.scene.spacing)
-        labels = Labels(points, own, len(present), places, self.scene.features[:0], np.zeros(0, np.int64))
+        labels = Labels.of(self.scene, points, own, len(present), tree=self._tree)
         likely = class_shares(self._coarse_scales, labels, self._rules.examples)
         few = evenly_chosen(own, PINNED)
         said = [graph.spread(likely, points[few], own[few], labels, self._rules) for graph in self._graphs]

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
 from rm3d_plugin.pseudo_labels.propagation.estimate import HELD, power_as_claimed
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels, one_of_each
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, SILENT, NetworkSay, WalkerRules
@@ -27,12 +27,14 @@ class Trial(NamedTuple):
         scene: The scan.
         labels: Of its points.
         network: (N, present) probabilities of the classes that are asked for; rows of NaN where it saw nothing.
-        judges: (L,) which of the labels it was not taught; it saw their points.
+        hidden: (L,) which of the labels it was not taught; it saw their points.
+        judges: (L,) those of them that it is asked about, one of each place.
     """
 
     scene: PreparedCloud
     labels: Labels
     network: Float[np.ndarray, 'points present']
+    hidden: Bool[np.ndarray, ' labelled']
     judges: Bool[np.ndarray, ' labelled']
 
     @property
@@ -60,9 +62,12 @@ def trial_of(
         network: See :class:`Trial`.
         unseen: Points that it was not taught.
     """
-    judges = unseen[labels.points] & np.isfinite(network[labels.points]).all(axis=1)
-    left = len(labels.others) or not judges.all()
-    return Trial(scene, labels, network, judges) if judges.any() and left else None
+    hidden = unseen[labels.points] & np.isfinite(network[labels.points]).all(axis=1)
+    rows = np.flatnonzero(hidden)
+    judges = np.zeros_like(hidden)
+    judges[rows[one_of_each(labels.places[rows])]] = True
+    left = len(labels.others) or not hidden.all()
+    return Trial(scene, labels, network, hidden, judges) if len(rows) and left else None
 
 
 def judge_network(trials: Sequence[Trial], rules: WalkerRules) -> NetworkSay:
@@ -125,8 +130,8 @@ def try_network(trial: Trial, power: float, rules: WalkerRules) -> Tried:
         power: Of :func:`network_power`.
         rules: Of the walk.
     """
-    scene, labels, network, judges = trial
-    told, points = labels.select(~judges), labels.points[judges]
+    scene, labels, network, hidden, judges = trial
+    told, points = labels.select(~hidden), labels.points[judges]
     graphs = coarse_graphs(scene, labels.points, rules.left_out_nodes)
     own, shares, found = strength_of(DEFAULT, told, rules), [], []
     likely = features_say(scene, graphs, told, own, rules)

@@ -16,7 +16,7 @@ from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
 from rm3d_plugin.pseudo_labels.propagation.beside import Beside
 from rm3d_plugin.pseudo_labels.propagation.choose import Choice, choose
 from rm3d_plugin.pseudo_labels.propagation.estimate import Estimate, calibrated, estimate_miou
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels, places_of
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import LeftOut, leave_labels_out, strength_of
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
 from rm3d_plugin.pseudo_labels.propagation.network import judge_network, network_pulls, trial_of
@@ -127,11 +127,9 @@ def labels_of(
     others = scene.features[:0] if beside.features is None else beside.features
     other_classes = np.zeros(0, np.int64) if beside.classes is None else beside.classes
     kept = there[other_classes]
-    number = np.cumsum(there) - 1
-    classes = number[annotated[nodes]]
-    places = places_of(scene.cloud.xyz[nodes], classes, scene.spacing)
-    labels = Labels(nodes, classes, int(there.sum()), places, others[kept], number[other_classes[kept]])
-    return np.flatnonzero(there), labels
+    number, count = np.cumsum(there) - 1, int(there.sum())
+    own = number[other_classes[kept]]
+    return np.flatnonzero(there), Labels.of(scene, nodes, number[annotated[nodes]], count, others[kept], own)
 
 
 def _check(points: int, annotated: np.ndarray, num_classes: int) -> None:

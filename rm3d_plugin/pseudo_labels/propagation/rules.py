@@ -45,7 +45,7 @@ class WalkerRules:
         prior_rounds: Times that the frequency of the classes is read off the solution and put into it.
         prior_half: Labels a class from which on frequencies and features are trusted by half and more.
         folds: Parts into which the labels are divided to be left out; 0: nothing is left out.
-        least_left_out: Labels that can be left out without taking a class away, below which nothing is left out.
+        least_left_out: Labels, one a place, that can be left out without taking a class away, below which none is.
         errors_apart: Standard errors by which another candidate must be ahead of the default.
         network_errors_apart: The same for a network beside none.
         examples: Labels of a class that teach its features, at most.

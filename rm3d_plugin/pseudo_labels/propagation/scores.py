@@ -50,10 +50,8 @@ def propagation_scores(
         clicked: Points whose class is shown.
         rules: Of the propagation.
     """
-    annotated = np.full(len(semantic), UNLABELLED, dtype=np.int64)
-    annotated[clicked] = semantic[clicked]
     began = time.perf_counter()
-    result = propagate_prepared(scene, annotated, int(semantic.max()) + 1, rules)
+    result = propagate_prepared(scene, shown(semantic, clicked), int(semantic.max()) + 1, rules)
     seconds = time.perf_counter() - began
     coloured = np.nan
     if scene.cloud.colors is not None:
@@ -61,6 +59,13 @@ def propagation_scores(
         coloured = unlabelled_miou(said, semantic, clicked)
     near = unlabelled_miou(nearest_label(scene.cloud.xyz, clicked, semantic[clicked]), semantic, clicked)
     return PropagationScores(near, coloured, unlabelled_miou(result.semantic, semantic, clicked), result, seconds)
+
+
+def shown(semantic: Int[np.ndarray, ' points'], points: Int[np.ndarray, ' shown']) -> Int[np.ndarray, ' points']:
+    """The classes of some points, -1 elsewhere."""
+    annotated = np.full(len(semantic), UNLABELLED, dtype=np.int64)
+    annotated[points] = semantic[points]
+    return annotated
 
 
 def draw_clicks(

@@ -15,7 +15,7 @@ from rm3d_plugin.pseudo_labels.propagation.network import (
     try_network,
 )
 from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
-from rm3d_plugin.pseudo_labels.propagation.scores import unlabelled_miou
+from rm3d_plugin.pseudo_labels.propagation.scores import painted, unlabelled_miou
 
 
 def network_of(semantic, right, classes=4, sure=0.9):
@@ -132,6 +132,22 @@ def test_an_answer_with_a_network_is_as_sure_of_itself_as_left_out_labels_allow(
     assert np.array_equal(answers[0].semantic, answers[1].semantic)
     sharpened = answers[1].probabilities.astype(float) ** say.sharper
     assert np.allclose(answers[0].probabilities, sharpened / sharpened.sum(axis=1, keepdims=True), atol=1e-5)
+
+
+def test_of_a_stroke_one_label_judges_and_none_is_told():
+    cloud, semantic = scene()
+    annotated = clicks(semantic, 4)
+    stroke = painted(cloud.xyz, semantic, np.flatnonzero(annotated == WALL)[:1], 0.3)
+    annotated[stroke] = semantic[stroke]
+    unseen = np.zeros(len(semantic), dtype=bool)
+    unseen[stroke] = True
+    prepared = prepare_cloud(cloud)
+    present, labels = labels_of(prepared, annotated, 3, Beside())
+    trial = trial_of(prepared, labels, network_of(semantic, right=True, classes=3)[:, present], unseen)
+    assert len(stroke) > 10 and trial.hidden.sum() == len(stroke) and trial.judges.sum() == 1
+    told = labels.select(~trial.hidden)
+    assert not np.isin(stroke, told.points).any() and len(told.points) == len(labels.points) - len(stroke)
+    assert try_network(trial, 1.0, WalkerRules()).shares.shape == (len(PULLS), 1, 3)
 
 
 def test_few_labels_that_judge_change_little_how_sure_an_answer_is():

@@ -10,6 +10,7 @@ from rm3d_plugin.pseudo_labels.propagation.checked import (
     sharpness_of,
 )
 from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated
+from rm3d_plugin.pseudo_labels.propagation.scores import painted, shown
 
 
 def answers(rng, count, power):
@@ -37,6 +38,16 @@ def test_a_class_with_one_label_is_known_from_other_scans():
     assert (checked.shares.argmax(axis=1) == checked.classes).sum() >= 2
     both = joined([checked, checked])
     assert len(both.classes) == 6 and np.array_equal(both.found, 2 * checked.found)
+
+
+def test_a_stroke_is_checked_as_one_label():
+    cloud, semantic = scene(seed=1)
+    annotated = clicks(semantic, 3)
+    stroke = painted(cloud.xyz, semantic, np.flatnonzero(annotated == 0)[:1], 0.3)
+    drawn = shown(semantic, np.union1d(stroke, np.flatnonzero(annotated >= 0)))
+    prepared = prepare_cloud(cloud)
+    checked = check_labels(prepared, drawn, 3, WalkerRules(), Beside())
+    assert len(stroke) > 10 and np.bincount(checked.classes).tolist() == [3, 3, 3]
 
 
 def test_without_a_labelled_class_among_the_answers_the_usual_power_holds():

@@ -1,17 +1,34 @@
 import numpy as np
 import pytest
 
+from rm3d_plugin.pseudo_labels.propagation import labels
 from rm3d_plugin.pseudo_labels.propagation.choose import choose
 from rm3d_plugin.pseudo_labels.propagation.folds import label_folds
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels, places_of
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels, one_of_each, places_of
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import label_trust, prior_shift
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT
 
+FAR = np.array([100.0, 100.0, 100.0])
+
+
+def among(xyz, each=100):
+    """Points, and a centimetre round each of them others without a label."""
+    xyz = np.asarray(xyz, float)
+    ring = np.random.default_rng(0).normal(size=(each, 3))
+    ring *= 0.01 / np.linalg.norm(ring, axis=1, keepdims=True)
+    return np.concatenate([xyz, *(xyz[:, None] + ring)])
+
+
+def labels_of(xyz, points, classes, count=9):
+    """Labels whose looks are not asked."""
+    points, classes = np.asarray(points), np.asarray(classes)
+    places = places_of(np.asarray(xyz, float), points, classes)
+    return Labels(points, classes, count, places, places, np.zeros((0, 3)), classes[:0])
+
 
 def folds(xyz, classes, count=5):
-    xyz, classes = np.asarray(xyz, float), np.asarray(classes)
-    labels = Labels(np.arange(len(xyz)), classes, 9, places_of(xyz, classes, 0.1), xyz[:0], classes[:0])
-    return label_folds(labels, count, np.random.default_rng(0))
+    made = labels_of(among(xyz), np.arange(len(xyz)), classes)
+    return label_folds(made, count, np.random.default_rng(0))
 
 
 def test_each_class_is_dealt_out_evenly():
@@ -22,20 +39,68 @@ def test_each_class_is_dealt_out_evenly():
 
 
 def test_labels_in_one_place_are_left_out_together_and_a_single_place_never():
-    xyz = [[0, 0, 0], [0.05, 0, 0], [5, 0, 0], [9, 0, 0], [9.05, 0, 0]]
+    xyz = [[0, 0, 0], [0.001, 0, 0], [5, 0, 0], [9, 0, 0], [9.001, 0, 0]]
     part = folds(xyz, [0, 0, 0, 1, 1])
     assert part[0] == part[1] != part[2]
     assert part[3:].tolist() == [-1, -1]
 
 
+def plane(side=60, step=0.1):
+    """A square of points, its rows four times as far apart as the points of one: rings of a scanner."""
+    x, y = np.meshgrid(step * np.arange(side), 4 * step * np.arange(side // 4))
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+
+
 def test_a_stroke_counts_as_one_label():
-    stroke = np.column_stack([0.08 * np.arange(40), np.zeros(40), np.zeros(40)])
-    xyz = np.concatenate([stroke, stroke[::-1] + [0, 0, 0.05], [[9, 9, 9]], [[9, 9, 9]]])
-    classes = np.repeat([1, 0, 1, 1], [40, 40, 1, 1])
-    places = places_of(xyz, classes, 0.1)
-    assert len(np.unique(places[:40])) == len(np.unique(places[40:80])) == 1 and places[80] == places[81]
-    assert Labels(np.arange(82), classes, 3, places, xyz[:0], classes[:0]).place_counts.tolist() == [1, 2, 0]
-    assert places_of(xyz[:0], classes[:0], 0.1).shape == (0,)
+    xyz = np.concatenate([plane(), [FAR, FAR]])
+    first = np.flatnonzero(np.linalg.norm(xyz - [2, 2, 0], axis=1) < 1.0)
+    second = np.flatnonzero(np.linalg.norm(xyz - [4.5, 3, 0], axis=1) < 0.7)
+    points = np.concatenate([first, second, [len(xyz) - 2, len(xyz) - 1]])
+    classes = np.repeat([1, 0, 1], [len(first), len(second), 2])
+    made = labels_of(xyz, points, classes, 3)
+    assert [len(np.unique(made.places[classes == own])) for own in range(2)] == [1, 2]
+    assert made.places[-1] == made.places[-2]  # one point, clicked twice
+    assert made.place_counts.tolist() == [1, 2, 0]
+    assert places_of(xyz, points[:0], classes[:0]).shape == (0,)
+
+
+def test_a_stroke_is_one_place_however_many_are_looked_at_at_once(monkeypatch):
+    xyz, points = plane(), np.flatnonzero(np.linalg.norm(plane() - [3, 3, 0], axis=1) < 1.6)
+    whole = places_of(xyz, points, np.zeros(len(points), int))
+    monkeypatch.setattr(labels, '_CHUNK', 7)
+    np.testing.assert_array_equal(places_of(xyz, points, np.zeros(len(points), int)), whole)
+    assert len(np.unique(whole)) == 1
+
+
+def test_places_are_those_that_are_found_pair_by_pair():
+    rng = np.random.default_rng(3)
+    xyz = rng.uniform(0, 3, (200, 3))
+    points = np.sort(rng.choice(200, 90, replace=False))
+    classes = (xyz[points, 0] > 1.5).astype(int)
+    found, label = places_of(xyz, points, classes), np.full(200, -1)
+    label[points] = classes
+    place = np.arange(len(points))
+    for row, point in enumerate(points):
+        near = np.argsort(np.linalg.norm(xyz - xyz[point], axis=1))[1 : labels.NEAREST + 1]
+        for rank, other in enumerate(near):
+            if label[other] == label[point] and np.mean(label[near[: rank + 1]] == label[point]) >= labels.MOST:
+                joined = (place[row], place[np.flatnonzero(points == other)[0]])
+                place[np.isin(place, joined)] = min(joined)
+    np.testing.assert_array_equal(found[:, None] == found, place[:, None] == place)
+    assert 5 < len(np.unique(found)) < 60
+
+
+def test_labels_drawn_by_chance_are_places_of_their_own():
+    xyz = plane()
+    points = np.sort(np.random.default_rng(0).choice(len(xyz), 20, replace=False))
+    assert len(np.unique(places_of(xyz, points, np.zeros(20, int)))) >= 19
+
+
+def test_one_label_of_each_place_is_judged():
+    places = np.repeat([3, 1, 2], [4, 1, 5])
+    rows = one_of_each(places, seed=0)
+    assert sorted(places[rows]) == [1, 2, 3] and (np.diff(rows) > 0).all()
+    assert {int(one_of_each(places, seed)[0]) for seed in range(40)} == {0, 1, 2, 3}
 
 
 def test_trust_grows_with_the_labels_of_the_poorest_classes():

@@ -18,7 +18,7 @@ def test_a_column_a_label_gives_what_the_walker_with_these_labels_gives():
     scene = prepare_cloud(PointCloud(xyz))
     (coarse, *_), points = coarse_graphs(scene, np.zeros(0, np.int64), 1500), few(semantic, 3)
     likely = np.random.default_rng(0).dirichlet([1, 1], len(xyz))
-    labels = Labels(points, semantic[points], 2, np.arange(len(points)), scene.features[:0], points[:0])
+    labels = Labels.of(scene, points, semantic[points], 2)
     said = _Graph(coarse).spread(likely, points, semantic[points], labels, WalkerRules(prior_half=1e9))
     nodes = coarse.coarse.node[points]
     prior = coarse.mean(likely)

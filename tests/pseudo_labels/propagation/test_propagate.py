@@ -4,7 +4,14 @@ from steps_scene import clicks, scene
 
 from rm3d_plugin.pseudo_labels.propagation import WalkerRules, propagate
 from rm3d_plugin.pseudo_labels.propagation.prepared import prepare_cloud
-from rm3d_plugin.pseudo_labels.propagation.scores import BUDGETS, draw_clicks, propagation_scores, unlabelled_miou
+from rm3d_plugin.pseudo_labels.propagation.scores import (
+    BUDGETS,
+    draw_clicks,
+    painted,
+    propagation_scores,
+    shown,
+    unlabelled_miou,
+)
 from rm3d_plugin.structures import PointCloud
 
 
@@ -49,6 +56,32 @@ def test_enough_labels_give_an_estimate_and_one_a_class_does_not():
     few = propagate(cloud, clicks(semantic, 1), 3)
     assert few.estimate is None
     assert 'no estimate' in few.remark
+
+
+def strokes(cloud, semantic, each, radius=0.4):
+    """Classes of the points round some of each class, -1 elsewhere."""
+    middles = np.flatnonzero(clicks(semantic, each) >= 0)
+    return shown(semantic, painted(cloud.xyz, semantic, middles, radius))
+
+
+def test_a_stroke_is_one_label_however_many_points_it_has():
+    cloud, semantic = scene()
+    one = strokes(cloud, semantic, 1)
+    assert np.bincount(one[one >= 0]).min() > 20
+    assert propagate(cloud, one, 3).estimate is None  # nothing can be left out
+    some = propagate(cloud, strokes(cloud, semantic, 6, radius=0.2), 3)
+    assert some.estimate is not None and 9 <= some.estimate.labels <= 18
+
+
+def test_strokes_are_no_worse_than_the_clicks_in_their_middles():
+    cloud, semantic = scene()
+    prepared = prepare_cloud(cloud)
+    for each in (1, 6):
+        painted_points = np.flatnonzero(strokes(cloud, semantic, each) >= 0)
+        alone = propagate(cloud, clicks(semantic, each), 3)
+        score = propagation_scores(prepared, semantic, painted_points)
+        assert score.result.choice.candidate == 'walker and features'
+        assert score.propagated >= unlabelled_miou(alone.semantic, semantic, painted_points) - 1.0
 
 
 def test_nothing_labelled_one_class_and_everything_labelled():

@@ -14,7 +14,7 @@ from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, WalkerRules
 
 def labels_of(semantic, each, prepared):
     points = np.flatnonzero(clicks(semantic, each) >= 0)
-    return Labels(points, semantic[points], 3, np.arange(len(points)), prepared.features[:0], np.zeros(0, np.int64))
+    return Labels.of(prepared, points, semantic[points], 3)
 
 
 def test_scales_are_nested_partitions_with_the_means_of_their_points():
