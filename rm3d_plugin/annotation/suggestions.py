@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rm3d_plugin.pseudo_labels.propagation.class_shares import LENGTH
+from rm3d_plugin.pseudo_labels.propagation.labels import one_of_each
 from rm3d_plugin.pseudo_labels.propagation.live import LiveAnswer, LivePropagation
 from rm3d_plugin.pseudo_labels.propagation.region_scales import RegionScale, region_means
 
@@ -68,7 +69,7 @@ class Suggester:
         self.points = _middles(live.scene.cloud.xyz, scale)[self.regions]
         self._rows = scale.scaling.apply(scale.features)
         self._looks = self._alike(self._rows[self.regions])
-        self._graphs = live.alike(self.points)
+        self._graphs, self._places = live.alike(self.points), live.places
 
     def suggest(
         self,
@@ -88,6 +89,7 @@ class Suggester:
             count: How many.
         """
         clicked, out = self._nearest_kept(points), list[Suggestion]()
+        classes = classes[one_of_each(self._places(points, classes))]  # of places: a stroke is seen once
         closed = np.isin(self.points, list(taken)) | np.isin(self.regions, self._scale.region[points])
         for _ in range(count):
             doubt = self._doubt(answer, clicked, classes)

@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,7 +56,7 @@ def label_again(
     network, config = train_network(files, kind, out / 'training', options, time.monotonic())
     judges, heard = judges_of(config), False
     for scan in tqdm(files.scans, desc='label again', unit='scan', disable=None):
-        found = _with_network(files, scan, network, judges(scan.stem))
+        found = _with_network(files, scan, network, judges[scan.stem])
         prepared = files.prepared(scan)
         cloud, paths = prepared.cloud, []
         heard |= bool(found.network_weight)
@@ -78,8 +78,8 @@ def label_again(
         yield written
 
 
-def judges_of(config: Config) -> Callable[[str], Int[np.ndarray, ' judging']]:
-    """Gives the points of a scan whose labels a run was not told.
+def judges_of(config: Config) -> Mapping[str, Int[np.ndarray, ' judging']]:
+    """Points of each scan whose labels a run was not told.
 
     Raises:
         ConfigError: Labels of the run do not spread by a random walk, so that all are told.

@@ -77,9 +77,9 @@ class LabelledScan:
         if count == len(self.semantic):
             return 'no estimate: every point was labelled'
         default = '' if self.choice.accuracy or self.network_weight else ' (the default)'
-        return (
-            f'no estimate: {count} clicks are too few to leave some of each class out; method: {self.method}{default}'
-        )
+        labels = '1 labelled point is' if count == 1 else f'{count} labelled points are'
+        few = f'{labels} in too few places to leave some of each class out'
+        return f'no estimate: {few}; method: {self.method}{default}'
 
 
 def label_scan(

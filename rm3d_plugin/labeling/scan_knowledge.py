@@ -16,7 +16,8 @@ from rm3d_plugin.pseudo_labels.propagation.checked import (
     sharpness_of,
 )
 from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated, estimate_miou
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels
+from rm3d_plugin.pseudo_labels.propagation.labels import one_of_each, places_of
+from rm3d_plugin.structures import PointCloud
 
 TEACHING_SCANS = 128  # about as many, evenly chosen, teach what classes look like
 CHECKED_SCANS = 16  # in about as many labels are left out
@@ -37,17 +38,19 @@ class ScanKnowledge:
 
     Args:
         scene_ids: All scans.
+        cloud: Gives the points of a scan.
         scan: Gives a scan, prepared.
         annotated: Gives the class of each labelled point of a scan, -1 elsewhere.
         classes: Number of classes.
         rules: Of the walk.
-        judging: Share of the labels of each class that judge the network; a stroke judges where its first label does.
+        judging: Share of the places of each class whose labels judge the network.
         seed: Of which these are.
     """
 
     def __init__(
         self,
         scene_ids: Sequence[str],
+        cloud: Callable[[str], PointCloud],
         scan: Callable[[str], PreparedCloud],
         annotated: Callable[[str], Int[np.ndarray, ' points']],
         classes: int,
@@ -55,9 +58,8 @@ class ScanKnowledge:
         judging: float,
         seed: int,
     ) -> None:
-        self._scene_ids, self._scan, self._annotated = scene_ids, scan, annotated
+        self._scene_ids, self._cloud, self._scan, self._annotated = scene_ids, cloud, scan, annotated
         self._classes, self._rules, self._judging, self._seed = classes, rules, judging, seed
-        self._judges: dict[str, Int[np.ndarray, ' judging']] = {}
 
     def beside(self, scene_id: str) -> Beside:
         """Examples of the other scans, and every class that any of them shows: it may be in this one, too."""
@@ -106,24 +108,23 @@ class ScanKnowledge:
         left, classes = self.checked.shares[:, there], np.searchsorted(there, self.checked.classes)
         return estimate_miou(as_left_out, left, classes, self._rules.draws, np.random.default_rng(self._seed))
 
-    def judges(self, scene_id: str) -> Int[np.ndarray, ' judging']:
-        """Points of a scan whose labels training is not told, so that they can judge; whole strokes or none of one."""
-        if scene_id not in self._judges:
-            points, classes = self._labels[scene_id]
-            drawn = self._drawn[scene_id]
-            if drawn.any():
-                labels = Labels.of(self._scan(scene_id), points, classes, self._classes)
-                drawn = whole_places(labels.places, classes, drawn)
-            self._judges[scene_id] = points[drawn]
-        return self._judges[scene_id]
-
     @cached_property
-    def _drawn(self) -> dict[str, Bool[np.ndarray, ' labels']]:
-        """Which labels of each scan were drawn as judges: a share of each class."""
-        classes = np.concatenate([labels.classes for labels in self._labels.values()])
-        kept = share_of_each(classes, self._judging, self._seed)
-        ends = np.cumsum([len(labels.classes) for labels in self._labels.values()])
-        return dict(zip(self._labels, np.split(kept, ends[:-1]), strict=True))
+    def judges(self) -> dict[str, Int[np.ndarray, ' judging']]:
+        """Points of each scan whose labels training is not told, so that they can judge: a share of each class.
+
+        Drawn by place: a network that was taught a part of a stroke knows the rest.
+        """
+        places: dict[str, Int[np.ndarray, ' labels']] = {}
+        for scene, labels in self._labels.items():
+            places[scene] = places_of(self._cloud(scene).xyz, *labels) if len(labels.points) else labels.points
+        firsts = {scene: one_of_each(own) for scene, own in places.items()}
+        classes = np.concatenate([self._labels[scene].classes[rows] for scene, rows in firsts.items()])
+        ends = np.cumsum([len(rows) for rows in firsts.values()])
+        kept = np.split(share_of_each(classes, self._judging, self._seed), ends[:-1])
+        return {
+            scene: self._labels[scene].points[np.isin(places[scene], places[scene][rows[chosen]])]
+            for (scene, rows), chosen in zip(firsts.items(), kept, strict=True)
+        }
 
     @cached_property
     def _labels(self) -> dict[str, _Labels]:
@@ -160,23 +161,3 @@ def share_of_each(classes: Int[np.ndarray, ' labels'], share: float, seed: int) 
         rows = generator.permutation(np.flatnonzero(classes == own))
         chosen[rows[: int(share * len(rows))]] = True
     return chosen
-
-
-def whole_places(
-    places: Int[np.ndarray, ' labels'], classes: Int[np.ndarray, ' labels'], drawn: Bool[np.ndarray, ' labels']
-) -> Bool[np.ndarray, ' labels']:
-    """Labels that judge, those of one place together: a network that was taught a part of a stroke knows the rest.
-
-    Where the first label of a place was drawn all judge, but for a stroke that is all that the scan shows of its class.
-
-    Args:
-        places: Of each label.
-        classes: Of each label.
-        drawn: Which were drawn one by one.
-
-    >>> whole_places(np.array([0, 0, 1, 2, 2]), np.array([5, 5, 5, 7, 7]), np.array([True, False, False, True, False]))
-    array([ True,  True, False, False, False])
-    """
-    _, first, place, sizes = np.unique(places, return_index=True, return_inverse=True, return_counts=True)
-    only = np.bincount(classes[first])[classes[first]] == 1
-    return np.asarray((drawn[first] & ~(only & (sizes > 1)))[place])

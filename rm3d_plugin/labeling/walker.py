@@ -112,7 +112,9 @@ class WalkerLabelMaker(LabelMaker):
     def forget(self) -> None:
         """What the labels tell is learnt anew."""
         scenes, classes = list(self.index_of), len(self.source.classes)
-        self.known = ScanKnowledge(scenes, self.scan, self._shown, classes, self.walk, self.rules.judging, self._seed)
+        self.known = ScanKnowledge(
+            scenes, self._cloud, self.scan, self._shown, classes, self.walk, self.rules.judging, self._seed
+        )
 
     # ------------------------------------------------------------------ annotated labels
 
@@ -125,7 +127,7 @@ class WalkerLabelMaker(LabelMaker):
         annotated = self.annotated(scene_id)
         if annotated.complete or number >= self._rounds - 1:
             return annotated
-        return without(annotated, self.known.judges(scene_id))
+        return without(annotated, self.known.judges[scene_id])
 
     def _shown(self, scene_id: str) -> Int[np.ndarray, ' points']:
         """Class of each annotated point, -1 elsewhere; of a complete scene a few of each class stand for all."""

@@ -54,7 +54,8 @@ def test_the_remark_says_why_there_is_no_estimate():
     cloud = PointCloud(xyz)
     one = label_scan(cloud, annotated_with(few(semantic, 1), semantic), 2)
     assert one.remark() == (
-        'no estimate: 2 clicks are too few to leave some of each class out; method: walker and features (the default)'
+        'no estimate: 2 labelled points are in too few places to leave some of each class out; '
+        'method: walker and features (the default)'
     )
     assert (one.semantic == semantic).mean() > 0.9
     unchecked = label_scan(cloud, annotated_with(few(semantic, 12), semantic), 2, check=False)
@@ -222,7 +223,7 @@ def test_a_class_that_is_clicked_in_one_scan_is_found_in_another(two_scans, tmp_
     assert (second.labelled.semantic == semantic).mean() > 0.9
     assert second.labelled.clicks.tolist() == [len(clicked), 0]
     assert second.labelled.remark().startswith(
-        'no estimate: ' + ('1 clicks are' if clicked else 'no click is in this scan')
+        'no estimate: ' + ('1 labelled point is' if clicked else 'no click is in this scan')
     )
 
 

@@ -95,7 +95,7 @@ def test_further_scans_are_told_to_be_doubtful_where_nothing_speaks_for_the_netw
     written = WrittenScan(tmp_path / 'c.ply', None, None, [])
     fakes = {
         'train_network': lambda *_: (None, None),
-        'judges_of': lambda _: {'a': None, 'b': None}.get,
+        'judges_of': lambda _: {'a': None, 'b': None},
         '_with_network': lambda _, scan, *__: said[scan],
         'write_scan': lambda *_: [],
         'scan_kind': lambda _: None,

@@ -4,7 +4,7 @@ import numpy as np
 from reference.corner_scan import FLOOR, WALL, corner
 
 from rm3d_plugin.labeling.scan_knowledge import ScanKnowledge
-from rm3d_plugin.pseudo_labels.propagation import WalkerRules, prepare_cloud
+from rm3d_plugin.pseudo_labels.propagation import WalkerRules
 from rm3d_plugin.pseudo_labels.propagation.checked import CheckedLabels
 from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated, estimate_miou
 from rm3d_plugin.pseudo_labels.propagation.scores import painted, shown
@@ -20,7 +20,7 @@ def test_a_class_that_no_answer_names_counts_as_in_one_scan():
     left, classes = shares[:60], np.repeat([0, 1, 2], 20)
     found = np.bincount(shares.argmax(axis=1), minlength=4).astype(float)
     assert found[0] == found[3] == 0
-    known = ScanKnowledge([], lambda scene: None, lambda scene: None, 4, WalkerRules(), 0.2, 0)
+    known = ScanKnowledge([], lambda scene: None, lambda scene: None, lambda scene: None, 4, WalkerRules(), 0.2, 0)
     known.__dict__['checked'] = CheckedLabels(left, classes, found)
     told = known.estimate([calibrated(shares[:2000], known.sharpness), calibrated(shares[2000:], known.sharpness)])
     alone = estimate_miou(shares[:, :3], left[:, :3], classes, WalkerRules().draws, np.random.default_rng(0))
@@ -28,18 +28,35 @@ def test_a_class_that_no_answer_names_counts_as_in_one_scan():
     np.testing.assert_allclose(told[:3], alone[:3], atol=1.0)
 
 
+def knowledge(scans, judging, seed):
+    """Of clouds with the class of each labelled point, which must not be prepared to tell who judges."""
+    return ScanKnowledge(
+        list(scans), lambda scene: scans[scene][0], None, lambda scene: scans[scene][1], 2, WalkerRules(), judging, seed
+    )
+
+
 def test_a_stroke_judges_as_a_whole_or_is_taught_as_a_whole():
     xyz, semantic = corner()
-    middles = np.flatnonzero(semantic == FLOOR)[[64, 78, 90 + 64, 720 + 64]]
-    strokes = [painted(xyz, semantic, middles[[each]], 0.21) for each in range(4)]
-    only = painted(xyz, semantic, np.flatnonzero(semantic == WALL)[[400]], 0.21)
-    annotated = shown(semantic, np.unique(np.concatenate([*strokes, only])))
-    scans = {'corner': prepare_cloud(PointCloud(xyz.astype(np.float32)))}
+    floor, wall = np.flatnonzero(semantic == FLOOR), np.flatnonzero(semantic == WALL)
+    middles = [*floor[[64, 78, 364, 784, 500]], wall[400]]
+    strokes = [painted(xyz, semantic, np.array([middle]), 0.21) for middle in middles]
+    scans = {'corner': (PointCloud(xyz.astype(np.float32)), shown(semantic, np.unique(np.concatenate(strokes))))}
     judging = set()
     for seed in range(20):
-        known = ScanKnowledge(['corner'], scans.get, lambda scene: annotated, 2, WalkerRules(), 0.3, seed)
-        judges = known.judges('corner')
-        shares = [np.isin(stroke, judges).mean() for stroke in [*strokes, only]]
-        assert set(shares) <= {0.0, 1.0} and shares[-1] == 0.0  # nothing else is shown of the wall
+        judges = knowledge(scans, 0.4, seed).judges['corner']
+        shares = [np.isin(stroke, judges).mean() for stroke in strokes]
+        assert sorted(shares[:-1]) == [0.0, 0.0, 0.0, 1.0, 1.0]  # two of five
+        assert shares[-1] == 0.0  # nothing else is shown of the wall
         judging |= set(np.flatnonzero(shares))
-    assert len(judging) > 1
+    assert judging == {0, 1, 2, 3, 4}
+
+
+def test_a_stroke_a_class_in_each_scan_judges_in_a_share_of_the_scans():
+    xyz, semantic = corner()
+    middles = [np.flatnonzero(semantic == own)[[400]] for own in (FLOOR, WALL)]
+    strokes = [painted(xyz, semantic, middle, 0.21) for middle in middles]
+    one = PointCloud(xyz.astype(np.float32)), shown(semantic, np.concatenate(strokes))
+    judges = knowledge({f'scan{number}': one for number in range(10)}, 0.2, 0).judges
+    for own, stroke in zip((FLOOR, WALL), strokes, strict=True):
+        shares = [np.isin(stroke, rows).mean() for rows in judges.values()]
+        assert sorted(shares) == [0.0] * 8 + [1.0] * 2, own

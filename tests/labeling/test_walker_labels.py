@@ -58,7 +58,7 @@ def test_first_labels_are_pure_and_cover_most(tmp_path):
 
 def test_training_is_not_told_the_labels_that_judge_until_the_last_round(tmp_path):
     made = label_maker(tmp_path, rounds=3)
-    judges = made.known.judges('room0')
+    judges = made.known.judges['room0']
     everything = made.annotated('room0').semantic
     assert len(judges) and (everything[judges] >= 0).all()
     for number in (0, 1):
@@ -96,7 +96,7 @@ def test_a_network_that_is_right_is_heard_where_labels_are_few(tmp_path):
     refresh(made, 1, certain)
     if made._say.weight:
         assert made.store.summary(1)['precision'] >= made.store.summary(0)['precision'] - 0.01
-    assert made._say.labels == sum(len(made.known.judges(scene)) for scene in made.index_of)
+    assert made._say.labels == sum(len(rows) for rows in made.known.judges.values())
 
 
 def test_complete_scenes_keep_their_labels(tmp_path):

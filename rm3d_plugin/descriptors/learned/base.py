@@ -104,7 +104,15 @@ class LearnedDescriptor(Descriptor):
     @final
     def compute(self, cloud: PointCloud) -> Descriptors:
         """Describe every point of a cloud; those whose site has too little around it are not valid."""
-        sites = self.sites(cloud)
+        return self.describe(self.sites(cloud))
+
+    @final
+    def describe(self, sites: Sites) -> Descriptors:
+        """Describe the points of sites that were made before, as :meth:`sites` makes them.
+
+        Args:
+            sites: Of a cloud.
+        """
         points = np.concatenate([sites.places, sites.inputs], axis=1)
 
         def describe(rows: Int[np.ndarray, ' rows']) -> Float[np.ndarray, 'rows features']:

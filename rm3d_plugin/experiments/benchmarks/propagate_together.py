@@ -90,7 +90,9 @@ def _means(
     for scan in scans:
         annotated[scan.name][clicked[scan.name]] = scan.semantic[clicked[scan.name]]
     names = [scan.name for scan in scans]
-    known = ScanKnowledge(names, prepared.__getitem__, annotated.__getitem__, classes, rules, 0.0, 0)
+    known = ScanKnowledge(
+        names, lambda name: prepared[name].cloud, prepared.__getitem__, annotated.__getitem__, classes, rules, 0.0, 0
+    )
     table = []
     for scan in scans:
         own, clicks = annotated[scan.name], clicked[scan.name]

@@ -62,6 +62,7 @@ def check_labels(
         shares[np.ix_(asked, present)] = said[labels.points[asked]]
         found[present] += np.bincount(said.argmax(axis=1), minlength=len(present))
     rows = one_of_each(labels.places, rules.seed)
+    rows = rows[shares[rows].sum(axis=1) > 0]  # of those for which others were left to ask
     return CheckedLabels(shares[rows], annotated[labels.points[rows]].astype(np.int64), found)
 
 

@@ -60,7 +60,7 @@ def surest_regions(
 def teaching_counts(labels: Labels) -> Int[np.ndarray, ' classes']:
     """How many teach each class: regions of the scan that are labelled, and examples of other scans."""
     there = np.bincount(labels.other_classes, minlength=labels.num_classes)
-    return np.asarray(labels.region_counts + np.minimum(there, _most_others(labels.counts)), dtype=np.int64)
+    return np.asarray(labels.region_counts + np.minimum(there, _most_others(labels.region_counts)), dtype=np.int64)
 
 
 def _most_others(own: Int[np.ndarray, ' classes']) -> Int[np.ndarray, ' classes']:

@@ -12,6 +12,7 @@ from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 
 NEAREST = 64  # neighbours of a label that are looked at: strokes that cross the rings of a scanner are seen as one
 MOST = 0.75  # share of the nearer points that have the same label
+TIED = 1e-6  # relative, of squared distances
 _CHUNK = 1 << 14  # labels that are looked at at once
 _FIRST = 5  # ranks that are looked at first
 
@@ -104,8 +105,9 @@ def places_of(
     """Number of the place of each label; a stroke is one, be it of a brush, a rectangle or a click on a whole object.
 
     Where labels were drawn by chance few of the points around one are labelled; in a stroke most are. So two labels of
-    a class are one place if three of four of the points that are as near to the one as the other is have the same
-    label, and so on from one to the next. No length is assumed, and scans are denser near the scanner.
+    a class are one place if three of four of the points that are no farther from the one than the other is have the
+    same label, and so on from one to the next; and if they lie at one spot. No length is assumed, and scans are denser
+    near the scanner. A line of single points is as many places as it has points.
 
     Args:
         xyz: Metres, of all points of the scan.
@@ -122,8 +124,8 @@ def places_of(
     tree, place = Octree(xyz) if tree is None else tree, np.arange(len(points))
     for first in range(0, len(points), _CHUNK):
         some = points[first : first + _CHUNK]
-        near = tree.knn(xyz[some], NEAREST + 1).indices
-        together = _together(some, near, label)
+        found = tree.knn(xyz[some], NEAREST + 1)
+        near, together = found.indices, _together(some, found.indices, found.sq_dists, label)
         for ranks in (slice(None, _FIRST), slice(_FIRST, None)):  # the nearest join most: few pairs are left then
             start, rank = np.nonzero(together[:, ranks])
             place = _joined(place, first + start, row[near[:, ranks][start, rank]])
@@ -131,13 +133,30 @@ def places_of(
 
 
 def _together(
-    points: Int[np.ndarray, ' some'], near: Int[np.ndarray, 'some k'], label: Int[np.ndarray, ' points']
+    points: Int[np.ndarray, ' some'],
+    near: Int[np.ndarray, 'some k'],
+    squared: Float[np.ndarray, 'some k'],
+    label: Int[np.ndarray, ' points'],
 ) -> Bool[np.ndarray, 'some k']:
-    """Which neighbours have the same label as a point, as most of those have that are nearer to it."""
+    """Which neighbours have the same label as a point, as most of those have that are no farther from it."""
     there = (near >= 0) & (near != points[:, None])
     alike = there & (label[near] == label[points][:, None])
-    count = np.cumsum(alike, axis=1, dtype=np.int16)
-    return np.asarray(alike & (count >= MOST * np.cumsum(there, axis=1, dtype=np.int16)))
+    count, of = (np.cumsum(each, axis=1, dtype=np.int16) for each in (alike, there))
+    last = _last_as_near(squared)
+    most = np.take_along_axis(count, last, axis=1) >= MOST * np.take_along_axis(of, last, axis=1)
+    return np.asarray(alike & (most | (squared == 0.0)))
+
+
+def _last_as_near(squared: Float[np.ndarray, 'some k']) -> Int[np.ndarray, 'some k']:
+    """Rank of the last neighbour that is as near as each is, but for rounding: ties do not go by numbers of points.
+
+    >>> _last_as_near(np.array([[0.0, 1.0, 1.0, 4.0]]))
+    array([[0, 2, 2, 3]])
+    """
+    ends = np.ones(squared.shape, dtype=np.bool_)
+    ends[:, :-1] = squared[:, 1:] > squared[:, :-1] * (1.0 + TIED)
+    rank = np.where(ends, np.arange(squared.shape[1]), squared.shape[1])
+    return np.asarray(np.minimum.accumulate(rank[:, ::-1], axis=1)[:, ::-1])
 
 
 def _joined(
@@ -150,7 +169,11 @@ def _joined(
 
 
 def one_of_each(places: Int[np.ndarray, ' labelled'], seed: int | None = None) -> Int[np.ndarray, ' rows']:
-    """Rows of one label of each place, ascending: the first, or one by chance.
+    """Rows of one label of each place, ascending.
+
+    Args:
+        places: Of the labels.
+        seed: Of which of them; None: the first.
 
     >>> one_of_each(np.array([0, 0, 1, 2, 1]))
     array([0, 2, 3])

@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from rm3d_plugin.ops.octree import Octree
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import evenly_chosen, normalised
 from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares
-from rm3d_plugin.pseudo_labels.propagation.labels import Labels
+from rm3d_plugin.pseudo_labels.propagation.labels import Labels, places_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.prior_shift import prior_shift
 from rm3d_plugin.pseudo_labels.propagation.rules import WalkerRules
@@ -80,6 +80,12 @@ class LivePropagation:
         shares[:, present] = sum(said) / len(said)
         shares[points] = np.eye(num_classes, dtype=np.float32)[classes]
         return LiveAnswer(shares, np.abs(said[0] - said[1]).sum(axis=1) / 2)
+
+    def places(
+        self, points: Int[np.ndarray, ' labelled'], classes: Int[np.ndarray, ' labelled']
+    ) -> Int[np.ndarray, ' labelled']:
+        """Of the labels, see :func:`~rm3d_plugin.pseudo_labels.propagation.labels.places_of`."""
+        return places_of(self.scene.cloud.xyz, points, classes, self._tree)
 
     def alike(self, points: Int[np.ndarray, ' asked']) -> Float[np.ndarray, 'asked asked']:
         """How much a label of one point tells of another over the graphs: correlations in [0, 1], mean of both graphs.

@@ -27,8 +27,9 @@ class Trial(NamedTuple):
         scene: The scan.
         labels: Of its points.
         network: (N, present) probabilities of the classes that are asked for; rows of NaN where it saw nothing.
-        hidden: (L,) which of the labels it was not taught; it saw their points.
-        judges: (L,) those of them that it is asked about, one of each place.
+        hidden: (L,) which of the labels it was not taught.
+        judges: (L,) those of them that it is asked about: one of each place of which it was taught nothing, at a point
+            that it saw.
     """
 
     scene: PreparedCloud
@@ -62,10 +63,11 @@ def trial_of(
         network: See :class:`Trial`.
         unseen: Points that it was not taught.
     """
-    hidden = unseen[labels.points] & np.isfinite(network[labels.points]).all(axis=1)
-    rows = np.flatnonzero(hidden)
+    hidden = unseen[labels.points]
+    asked = np.isfinite(network[labels.points]).all(axis=1)
+    rows = np.flatnonzero(asked & ~np.isin(labels.places, labels.places[~hidden]))
     judges = np.zeros_like(hidden)
-    judges[rows[one_of_each(labels.places[rows])]] = True
+    judges[rows[one_of_each(labels.places[rows], seed=0)]] = True
     left = len(labels.others) or not hidden.all()
     return Trial(scene, labels, network, hidden, judges) if len(rows) and left else None
 

@@ -232,5 +232,6 @@ def _named(
 def _remark(choice: Choice, estimate: Estimate | None, labels: int, say: NetworkSay) -> str:
     heard = '' if not say.labels else f'; network: pull {say.weight:g}, by {say.labels} labels that it was not taught'
     if estimate is None:
-        return f'{choice.candidate} (the default): {labels} labels are too few to leave some out, no estimate{heard}'
+        few = f'{labels} labels are in too few places to leave some out'
+        return f'{choice.candidate} (the default): {few}, no estimate{heard}'
     return f'{choice.candidate}: {estimate.text()}, from {labels} labels{heard}'

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from rm3d_plugin.ops._parallel import map_blocks
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
 from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares, teaching_counts
 from rm3d_plugin.pseudo_labels.propagation.coarsening import Coarsening, coarsen
@@ -69,10 +70,13 @@ class Solution(NamedTuple):
 
 def coarse_graphs(scene: PreparedCloud, points: Int[np.ndarray, ' labelled'], nodes: int) -> list[CoarseGraph]:
     """Coarsen the graphs of a scan, some points kept as nodes of their own."""
-    return [
-        CoarseGraph(coarsen(graph, points, nodes), float(np.median(graph.degree)) if len(graph.degree) else 0.0)
-        for graph in scene.graphs
-    ]
+
+    def work(first: int, _: int) -> CoarseGraph:
+        graph = scene.graphs[first]
+        usual = float(np.median(graph.degree)) if len(graph.degree) else 0.0
+        return CoarseGraph(coarsen(graph, points, nodes), usual)
+
+    return map_blocks(work, len(scene.graphs), 1)
 
 
 def solve(
@@ -124,7 +128,7 @@ def at_points(graphs: list[CoarseGraph], found: list[Solution]) -> Float[np.ndar
 
 
 def trust_of(labels: Labels, rules: WalkerRules) -> float:
-    """How far those that teach the features are to be trusted: labels of the scan by place, and examples of others."""
+    """How far those that teach the features are to be trusted: labelled regions of the scan, and examples of others."""
     counts = teaching_counts(labels)
     return label_trust(counts[counts > 0], rules.prior_half)
 
@@ -139,10 +143,12 @@ def walks(
 ) -> list[Solution]:
     """A walk over each graph, drawn to what features say of each point; see :func:`solve`."""
     further: Sequence[Pull | None] = [None for _ in graphs] if networks is None else networks
-    return [
-        _walk(graph, labels, normalised(graph.mean(likely)), strength, rules, network)
-        for graph, network in zip(graphs, further, strict=True)
-    ]
+
+    def work(first: int, _: int) -> Solution:
+        graph = graphs[first]
+        return _walk(graph, labels, normalised(graph.mean(likely)), strength, rules, further[first])
+
+    return map_blocks(work, len(graphs), 1)
 
 
 def _walk(

@@ -148,6 +148,12 @@ def test_of_a_stroke_one_label_judges_and_none_is_told():
     told = labels.select(~trial.hidden)
     assert not np.isin(stroke, told.points).any() and len(told.points) == len(labels.points) - len(stroke)
     assert try_network(trial, 1.0, WalkerRules()).shares.shape == (len(PULLS), 1, 3)
+    network = network_of(semantic, right=True, classes=3)[:, present]
+    network[stroke[1:]] = np.nan  # it saw one point of the stroke alone: that is asked, and none of the others is told
+    half = trial_of(prepared, labels, network, unseen)
+    assert labels.points[half.judges].tolist() == [stroke[0]] and (half.hidden == trial.hidden).all()
+    unseen[stroke[0]] = False  # the network was taught a part of the stroke: it knows the rest
+    assert trial_of(prepared, labels, network_of(semantic, right=True, classes=3)[:, present], unseen) is None
 
 
 def test_few_labels_that_judge_change_little_how_sure_an_answer_is():

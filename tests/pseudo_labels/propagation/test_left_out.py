@@ -90,6 +90,26 @@ def test_places_are_those_that_are_found_pair_by_pair():
     assert 5 < len(np.unique(found)) < 60
 
 
+@pytest.mark.parametrize('seed', [None, 0, 1])
+def test_places_do_not_depend_on_the_order_of_points_that_are_as_far_away(seed):
+    grid = np.stack(np.meshgrid(np.arange(20), np.arange(20)), axis=-1).reshape(-1, 2) * 0.1
+    xyz = np.column_stack([grid, np.zeros(len(grid))])
+    order = np.arange(400) if seed is None else np.random.default_rng(seed).permutation(400)
+    column, disc = np.flatnonzero(grid[:, 0] == 0.5), np.flatnonzero(np.linalg.norm(grid - 1.4, axis=1) < 0.35)
+    number = np.argsort(order)  # of each point after it
+    points = number[np.concatenate([column, disc])]
+    places = places_of(xyz[order], points, np.repeat([0, 1], [len(column), len(disc)]))
+    assert len(np.unique(places[: len(column)])) == len(column)  # a line of single points
+    assert len(np.unique(places[len(column) :])) == 1
+
+
+def test_labels_at_one_spot_are_one_place_whatever_else_lies_there():
+    xyz = np.concatenate([np.zeros((4, 3)), np.random.default_rng(0).normal(size=(100, 3))])
+    for points in ([2, 3], [0, 3], [1, 2]):
+        assert len(np.unique(places_of(xyz, np.array(points), np.zeros(2, int)))) == 1
+    assert len(np.unique(places_of(xyz, np.array([2, 3]), np.array([0, 1])))) == 2
+
+
 def test_labels_drawn_by_chance_are_places_of_their_own():
     xyz = plane()
     points = np.sort(np.random.default_rng(0).choice(len(xyz), 20, replace=False))

@@ -5,7 +5,13 @@ import pytest
 from steps_scene import clicks, scene
 
 from rm3d_plugin.pseudo_labels.propagation import prepare_cloud
-from rm3d_plugin.pseudo_labels.propagation.class_shares import class_shares, surest_regions, teaching_counts
+from rm3d_plugin.pseudo_labels.propagation.class_shares import (
+    OTHERS,
+    _own,
+    class_shares,
+    surest_regions,
+    teaching_counts,
+)
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.relax import relax
@@ -45,6 +51,32 @@ def test_a_right_answer_teaches():
     taught = class_shares(prepared, labels, 200, np.eye(3, dtype=np.float32)[semantic])
     right = [np.mean(each.argmax(axis=1) == semantic) for each in (alone, taught)]
     assert right[1] > max(right[0], 0.95)
+
+
+def test_a_stroke_teaches_each_of_its_regions_once():
+    cloud, semantic = scene()
+    prepared = prepare_cloud(cloud)
+    scale = prepared.scales[0]
+    two = np.flatnonzero(scale.region == scale.region[100]), np.flatnonzero(scale.region == scale.region[2000])
+    points = np.concatenate([*two, np.flatnonzero(semantic == 2)[:1]])
+    classes = np.repeat([0, 2], [len(points) - 1, 1])
+    labels = Labels(
+        points, classes, 3, np.repeat([0, 1], [len(points) - 1, 1]), scale.region[points], *no_others(scale)
+    )
+    rows, said = _own(scale, labels, 200)
+    assert len(points) > 5 and said.tolist() == [0, 0, 2]
+    np.testing.assert_array_equal(
+        rows, scale.features[[*np.sort(scale.region[points[[0, len(two[0])]]]), labels.regions[-1]]]
+    )
+    assert teaching_counts(labels).tolist() == [2, 0, 1] and labels.counts.tolist() == [len(points) - 1, 0, 1]
+    lent = np.repeat(scale.features[:1], 300, axis=0)
+    crowd = labels._replace(others=lent, other_classes=np.zeros(300, dtype=np.int64))
+    assert teaching_counts(crowd).tolist() == [2 + OTHERS, 0, 1], 'no more of other scans than teach'
+    assert np.bincount(_own(scale, crowd, 200)[1]).tolist() == [2 + OTHERS, 0, 1]
+
+
+def no_others(scale):
+    return scale.features[:0], np.zeros(0, dtype=np.int64)
 
 
 def test_examples_of_other_scans_teach_and_count():
