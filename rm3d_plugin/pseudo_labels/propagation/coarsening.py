@@ -35,13 +35,13 @@ def coarsen(graph: PointGraph, alone: Int[np.ndarray, ' kept'], most: int) -> Co
     Args:
         graph: Of the points.
         alone: Points that stay nodes of their own: the labelled ones.
-        most: Nodes that are wanted, at most; where edges run out there are more.
+        most: Other nodes that are wanted, at most; where edges run out there are more.
     """
     weights = graph.weights
     node = np.arange(weights.shape[0])
     kept = np.zeros(len(node), dtype=np.bool_)
     kept[alone] = True
-    while weights.shape[0] > most:
+    while weights.shape[0] - len(alone) > most:
         still_wanted()
         pair, count = _pair(weights.indptr, weights.indices, weights.data, kept)
         if count > STALLED * weights.shape[0]:

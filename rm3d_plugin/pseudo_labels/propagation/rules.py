@@ -35,7 +35,7 @@ class WalkerRules:
     The strengths were chosen on eight Oakland tiles (part2), three SemanticKITTI scans (00) and six synthetic rooms.
 
     Attributes:
-        nodes: Of each graph that is solved, at most (larger: sharper borders between classes, slower).
+        nodes: Without a label of each graph that is solved, at most (larger: sharper borders between classes, slower).
         left_out_nodes: The same where labels are left out (larger: nearer to what is taken in the end, slower).
         features_strength: Pull of the features where there is one label a class, as a share of the usual sum of
             a point's edges (larger: features count more than how near a label lies over the surface).

@@ -25,6 +25,13 @@ def test_labelled_points_stay_alone():
     assert coarse.sizes.sum() == 12
 
 
+def test_labelled_points_do_not_make_the_others_coarser():
+    stroke = np.arange(20)
+    coarse = coarsen(chain(5.0, 60), stroke, 20)
+    assert (coarse.sizes[coarse.node[stroke]] == 1).all()
+    assert len(coarse.sizes) == 20 + 20 and coarse.sizes[coarse.node[20:]].max() == 2
+
+
 def test_no_edges_no_nodes_joined():
     empty = PointGraph(scipy.sparse.csr_array((5, 5)), np.zeros(5))
     np.testing.assert_array_equal(coarsen(empty, np.zeros(0, np.int64), 2).node, np.arange(5))
