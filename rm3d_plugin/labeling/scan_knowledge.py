@@ -114,9 +114,7 @@ class ScanKnowledge:
 
         Drawn by place: a network that was taught a part of a stroke knows the rest.
         """
-        places: dict[str, Int[np.ndarray, ' labels']] = {}
-        for scene, labels in self._labels.items():
-            places[scene] = places_of(self._cloud(scene).xyz, *labels) if len(labels.points) else labels.points
+        places = {scene: self._places(scene) for scene in tqdm(self._labels, desc='places of labels', leave=False)}
         firsts = {scene: one_of_each(own) for scene, own in places.items()}
         classes = np.concatenate([self._labels[scene].classes[rows] for scene, rows in firsts.items()])
         ends = np.cumsum([len(rows) for rows in firsts.values()])
@@ -125,6 +123,12 @@ class ScanKnowledge:
             scene: self._labels[scene].points[np.isin(places[scene], places[scene][rows[chosen]])]
             for (scene, rows), chosen in zip(firsts.items(), kept, strict=True)
         }
+
+    def _places(self, scene_id: str) -> Int[np.ndarray, ' labels']:
+        points, classes = self._labels[scene_id]
+        if len(np.unique(classes)) == len(classes):
+            return np.arange(len(classes))
+        return places_of(self._cloud(scene_id).xyz, points, classes)
 
     @cached_property
     def _labels(self) -> dict[str, _Labels]:
