@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import copy_context
 from functools import cache
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread, local
@@ -61,7 +62,8 @@ def num_threads() -> int:
 def map_blocks(work: Callable[[int, int], Result], total: int, block: int) -> list[Result]:
     """Call ``work(start, stop)`` for consecutive blocks of ``range(total)``; results in the order of the blocks.
 
-    No thread outlives the call, so a process may fork afterwards (a data loader's worker, say).
+    No thread outlives the call, so a process may fork afterwards (a data loader's worker, say). All threads have
+    the caller's context variables.
 
     Args:
         work: Releases the interpreter lock to run in parallel (``@njit(nogil=True)``).
@@ -88,7 +90,7 @@ def map_blocks(work: Callable[[int, int], Result], total: int, block: int) -> li
                 raise
 
     with ThreadPoolExecutor(helpers) as pool:
-        helping = [pool.submit(take) for _ in range(helpers)]
+        helping = [pool.submit(copy_context().run, take) for _ in range(helpers)]
         take()
         for future in helping:
             future.result()

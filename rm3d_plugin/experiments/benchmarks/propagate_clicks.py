@@ -44,6 +44,34 @@ CHOSEN = ('part2', '00/', *(f'room{number:02d}' for number in range(6)))
 ROOM_SEED, ROOM_SPACING = 7, 0.02  # metres between points before ROOM_POINTS of them are drawn
 
 
+class Row(NamedTuple):
+    """mIoU of one scan and budget in percent, on points outside of the strokes; NaN where something was not asked.
+
+    Attributes:
+        nearest: Each point as the nearest labelled one.
+        place_and_colour: The same with colours as coordinates.
+        walker: Plain random walker.
+        ours: Ours.
+        estimate: Of ours.
+        low: End of its interval.
+        high: End of its interval.
+        seconds: Ours took.
+        prepared: Seconds that the preparation took.
+        middles: Ours from the clicks in the middle of the strokes alone.
+    """
+
+    nearest: float
+    place_and_colour: float
+    walker: float
+    ours: float
+    estimate: float
+    low: float
+    high: float
+    seconds: float
+    prepared: float
+    middles: float
+
+
 class Scan(NamedTuple):
     """A scan and its true classes."""
 
@@ -82,7 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """A line a scan and budget on the way; then means by budget and seed."""
-    rows: dict[str, list[list[float]]] = {}
+    rows: dict[str, list[Row]] = {}
     for scan in scans_asked(args):
         for budget, row in rows_of(scan, args.seeds, not args.no_walker, args.stroke):
             rows.setdefault(budget, []).append(row)
@@ -144,11 +172,8 @@ def walked(weights: scipy.sparse.csr_array, clicked: np.ndarray, classes: np.nda
     return np.asarray(present[shares.argmax(axis=1)])
 
 
-def rows_of(scan: Scan, seeds: list[int], walker: bool, stroke: float = 0.0) -> Iterator[tuple[str, list[float]]]:
-    """Budget, and nearest, place and colour, walker, ours, estimate, low, high, seconds, seconds to prepare, middles.
-
-    All on the points outside of the strokes; *middles*: ours from the clicks in the middle of the strokes alone.
-    """
+def rows_of(scan: Scan, seeds: list[int], walker: bool, stroke: float = 0.0) -> Iterator[tuple[str, Row]]:
+    """Budget and seed, and what came out."""
     began = time.perf_counter()
     scene = prepare_cloud(scan.cloud)
     prepared = time.perf_counter() - began
@@ -163,12 +188,12 @@ def rows_of(scan: Scan, seeds: list[int], walker: bool, stroke: float = 0.0) -> 
                 said = walked(weights, clicked, scan.semantic[clicked])
                 floor = unlabelled_miou(said, scan.semantic, clicked)
             estimate = score.result.estimate
-            told = [np.nan] * 3 if estimate is None else [estimate.miou, estimate.low, estimate.high]
+            told = (np.nan, np.nan, np.nan) if estimate is None else (estimate.miou, estimate.low, estimate.high)
             alone = np.nan
             if stroke > 0:
                 said = propagate_prepared(scene, shown(scan.semantic, middles), classes).semantic
                 alone = unlabelled_miou(said, scan.semantic, clicked)
-            row = [
+            row = Row(
                 score.nearest,
                 score.place_and_colour,
                 floor,
@@ -177,14 +202,14 @@ def rows_of(scan: Scan, seeds: list[int], walker: bool, stroke: float = 0.0) -> 
                 score.seconds,
                 prepared,
                 alone,
-            ]
+            )
             line = ' '.join(f'{value:6.1f}' for value in row)
             text = f'{scan.name:16s} seed {seed} {budget:14s} {line}  {score.result.choice.candidate}'
             print(text, file=sys.stderr, flush=True)
             yield f'{budget}, seed {seed}', row
 
 
-def summary(rows: list[list[float]]) -> dict[str, float | None]:
+def summary(rows: list[Row]) -> dict[str, float | None]:
     """Means over scans, the worst difference to the better trivial answer and to the walker, and the estimates.
 
     Args:
@@ -193,26 +218,24 @@ def summary(rows: list[list[float]]) -> dict[str, float | None]:
     Returns:
         Name -> mIoU in percent, seconds or number; None where there is nothing to average.
     """
-    table = np.array(rows)
-    near, coloured, walker, ours = table[:, :4].T
-    known = np.isfinite(table[:, 4])
-    told, low, high = table[known, 4:7].T
-    inside = (low <= ours[known]) & (ours[known] <= high)
+    table = dict(zip(Row._fields, np.array(rows).T, strict=True))
+    known, near = np.isfinite(table['estimate']), np.fmax(table['nearest'], table['place_and_colour'])
+    told, low, high, ours = (each[known] for each in (table['estimate'], table['low'], table['high'], table['ours']))
     numbers = {
-        'scans': len(table),
-        'nearest_miou': _mean(near),
-        'place_and_colour_miou': _mean(coloured),
-        'walker_miou': _mean(walker),
-        'ours_miou': _mean(ours),
-        'middles_miou': _mean(table[:, 9]),
-        'worst_against_trivial': _least(ours - np.fmax(near, coloured)),
-        'worst_against_walker': _least(ours - walker),
+        'scans': len(rows),
+        'nearest_miou': _mean(table['nearest']),
+        'place_and_colour_miou': _mean(table['place_and_colour']),
+        'walker_miou': _mean(table['walker']),
+        'ours_miou': _mean(table['ours']),
+        'middles_miou': _mean(table['middles']),
+        'worst_against_trivial': _least(table['ours'] - near),
+        'worst_against_walker': _least(table['ours'] - table['walker']),
         'intervals': int(known.sum()),
-        'intervals_that_hold_percent': 100 * _mean(inside),
+        'intervals_that_hold_percent': 100 * _mean((low <= ours) & (ours <= high)),
         'interval_width': _mean(high - low),
-        'estimate_error': _mean(np.abs(told - ours[known])),
-        'seconds': _mean(table[:, 7]),
-        'seconds_prepare': _mean(table[:, 8]),
+        'estimate_error': _mean(np.abs(told - ours)),
+        'seconds': _mean(table['seconds']),
+        'seconds_prepare': _mean(table['prepared']),
     }
     return {name: None if np.isnan(value) else round(value, 1) for name, value in numbers.items()}
 

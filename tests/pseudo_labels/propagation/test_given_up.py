@@ -1,9 +1,13 @@
 """Long work ends early where nobody waits for it any more."""
 
+from threading import Barrier, get_ident
+
 import numpy as np
 import pytest
+from numba import config
 from steps_scene import clicks, scene
 
+from rm3d_plugin.ops._parallel import map_blocks
 from rm3d_plugin.pseudo_labels.propagation import prepare_cloud, propagate_prepared
 from rm3d_plugin.pseudo_labels.propagation.given_up import GivenUpError, given_up_if, still_wanted
 
@@ -18,6 +22,20 @@ def test_work_goes_on_until_it_is_not_wanted():
         with pytest.raises(GivenUpError):
             still_wanted()
     still_wanted()
+
+
+def test_threads_that_help_ask_the_same(monkeypatch):
+    monkeypatch.setattr(config, 'NUMBA_NUM_THREADS', 2)
+    both = Barrier(2, timeout=30)
+
+    def work(first, _):
+        both.wait()  # each in a thread of its own
+        with pytest.raises(GivenUpError):
+            still_wanted()
+        return get_ident()
+
+    with given_up_if(lambda: True):
+        assert len(set(map_blocks(work, 2, 1))) == 2
 
 
 def test_a_propagation_asks_on_its_way_and_leaves_nothing_behind():
