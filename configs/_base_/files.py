@@ -59,7 +59,7 @@ region_prior = dict(gamma=0.75)
 ground = None
 walker = dict()  # labels spread by a random walk: walker.accept=.7 for purer ones
 # strategy=regions: regions merge by the rules above
-random_walk = dict(network_errors_apart=2.0)  # a network that learnt the labels for long says little beside them
+random_walk = dict()
 label_maker = dict(walker='${walker}', random_walk='${random_walk}')
 # Two refreshes of the labels; that in the middle of the second period does not disturb it. A step is a scan: a single scan
 # needs 80 epochs a round for the network to know what its labels say. Many scans have as many times the steps; fewer epochs

@@ -178,7 +178,7 @@ class WalkerLabelMaker(LabelMaker):
         if not 0 < number < self._rounds - 1 or self._say.weight:
             return False
         before = self._before(number)
-        return not before['network_pull'] and bool(before['annotated'] == self.known.count)
+        return not before['network_weight'] and bool(before['annotated'] == self.known.count)
 
     def _before(self, number: int) -> dict[str, Any]:
         """Of the round before, from the store: a run that was interrupted goes on as another does."""
@@ -221,10 +221,10 @@ class WalkerLabelMaker(LabelMaker):
 
         Returns:
             See :func:`evaluate_points`; ``estimate``: what left-out labels tell of the mean IoU (None: too few, or
-            every scene is complete); ``network_pull``: of the network; ``annotated``: labels there were.
+            every scene is complete); ``network_weight``: of the network, 0: no say; ``annotated``: labels there were.
         """
         estimate = self._before(number)['estimate'] if self._stands(number) else self._estimate()
-        origin = {'network_pull': self._say.weight, 'annotated': self.known.count}
+        origin = {'network_weight': self._say.weight, 'annotated': self.known.count}
         return evaluate_points(self, number) | {'estimate': estimate} | origin
 
     def _estimate(self) -> dict[str, float] | None:
@@ -249,7 +249,7 @@ def heard(say: NetworkSay) -> str:
         return 'no label can judge the network: those of geometry stand'
     if not say.weight:
         return f'{say.labels} labels that the network was not taught do not speak for it: those of geometry stand'
-    return f'{say.labels} labels that the network was not taught speak for it: pull {say.weight:g}'
+    return f'{say.labels} labels that the network was not taught speak for it: weight {say.weight:.2g}'
 
 
 def without(annotated: AnnotatedLabels, points: Int[np.ndarray, ' points']) -> AnnotatedLabels:

@@ -94,15 +94,22 @@ def label_gains(
         left_classes: True ones.
         found: Frequency of the classes in the answer.
     """
-    counts = np.bincount(left_classes, minlength=len(found))
-    weight = (found + 1.0 / len(found))[left_classes] / counts[left_classes]
-    weight *= len(weight) / weight.sum()
+    weight = label_weights(left_classes, found)
     rows = np.array(POWERS)[:, None, None] * np.log(np.maximum(left_shares, LEAST))
     rows = rows - rows.max(axis=2, keepdims=True)
     rows -= np.log(np.exp(rows).sum(axis=2, keepdims=True))
     likelihood = weight * rows[:, np.arange(len(weight)), left_classes]
     away = np.square(np.log(np.array(POWERS) / USUAL))[:, None]
     return np.asarray(likelihood - HELD / max(len(weight), 1) * away)
+
+
+def label_weights(
+    left_classes: Int[np.ndarray, ' left'], found: Float[np.ndarray, ' classes']
+) -> Float[np.ndarray, ' left']:
+    """How much each label counts, 1 in the mean: see :func:`label_gains`."""
+    counts = np.bincount(left_classes, minlength=len(found))
+    weight = (found + 1.0 / len(found))[left_classes] / counts[left_classes]
+    return np.asarray(weight * (len(weight) / weight.sum()))
 
 
 def label_excess(

@@ -1,23 +1,29 @@
-"""What a network says of a scan, and whether labels that it was not taught let it speak."""
+"""What a network says of a scan, and whether labels that it was not taught let it speak.
+
+The walk sees what lies beside a label, the network what looks alike anywhere. They err in different places, so that
+both are heard as witnesses of their own: powers of their probabilities are multiplied (logarithmic opinion pool, Genest
+and Zidek 1986). The powers are those by which labels that neither was told are likeliest.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.optimize import minimize
+from scipy.special import log_softmax
 
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import normalised
-from rm3d_plugin.pseudo_labels.propagation.estimate import HELD, power_as_claimed
+from rm3d_plugin.pseudo_labels.propagation.estimate import USUAL, label_weights
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels, one_of_each
 from rm3d_plugin.pseudo_labels.propagation.left_out import strength_of
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud
 from rm3d_plugin.pseudo_labels.propagation.rules import DEFAULT, SILENT, NetworkSay, WalkerRules
-from rm3d_plugin.pseudo_labels.propagation.solve import CoarseGraph, Pull, at_points, coarse_graphs, features_say, walks
+from rm3d_plugin.pseudo_labels.propagation.solve import at_points, coarse_graphs, solve
 
-POWERS = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # inverse temperatures that are tried
-PULLS = (0.0, 0.01, 0.05, 0.25)  # that are tried, as shares of the usual degree of a point; without the network first
-MOST_SHARPER = 4.0  # power that an answer with the network gets beside that of one without
-LEAST = 1e-6
+LEAST = 1e-3  # share of a class that neither witness goes below: what one rules out the other may still name
+PARTS = 5  # into which the labels that judge are divided: each part tries the powers that the others found
+LEAST_POWER = 0.25  # of an answer without the network, however little it knows of the labels that judge
 
 
 class Trial(NamedTuple):
@@ -72,8 +78,29 @@ def trial_of(
     return Trial(scene, labels, network, hidden, judges) if len(rows) and left else None
 
 
+class Walked(NamedTuple):
+    """An answer without the network and without the labels that it was not taught.
+
+    Attributes:
+        shares: (J, present) of the labels that judge; rows of sum 1.
+        found: (present,) points of each class.
+    """
+
+    shares: Float[np.ndarray, 'judges present']
+    found: Float[np.ndarray, ' present']
+
+
+def walk_without(trial: Trial, rules: WalkerRules) -> Walked:
+    """Leave the labels out that the network was not taught, and ask the walk about those that judge."""
+    told = trial.labels.select(~trial.hidden)
+    graphs = coarse_graphs(trial.scene, trial.labels.points, rules.left_out_nodes)
+    said = at_points(graphs, solve(trial.scene, graphs, told, strength_of(DEFAULT, told, rules), rules))
+    found = np.bincount(said.argmax(axis=1), minlength=said.shape[1]).astype(np.float64)
+    return Walked(said[trial.labels.points[trial.judges]].astype(np.float64), found)
+
+
 def judge_network(trials: Sequence[Trial], rules: WalkerRules) -> NetworkSay:
-    """Leave the labels out that the network was not taught, and compare the answer with it to the one without.
+    """Compare the walk with the network to the walk alone, at labels that neither was told.
 
     Args:
         trials: Of one scan or more, all with the same classes.
@@ -81,109 +108,100 @@ def judge_network(trials: Sequence[Trial], rules: WalkerRules) -> NetworkSay:
     """
     if not trials:
         return SILENT
-    classes = np.concatenate([trial.classes for trial in trials])
-    power = network_power(np.concatenate([trial.said for trial in trials]), classes)
-    tried = [try_network(trial, power, rules) for trial in trials]
-    shares = np.concatenate([each.shares for each in tried], axis=1)
-    found = np.sum([each.found for each in tried], axis=0)
-    best = best_strength(shares.argmax(axis=2) == classes, classes, rules.network_errors_apart)
-    return NetworkSay(PULLS[best], power, len(classes), _sharper(shares[[0, best]], classes, found[[0, best]]))
+    walked = [walk_without(trial, rules) for trial in trials]
+    return weigh_network(
+        np.concatenate([each.shares for each in walked]),
+        np.concatenate([trial.said for trial in trials]),
+        np.concatenate([trial.classes for trial in trials]),
+        np.sum([each.found for each in walked], axis=0),
+        rules.network_errors_apart,
+    )
 
 
-def _sharper(
-    shares: Float[np.ndarray, 'two judges present'],
+def weigh_network(
+    walked: Float[np.ndarray, 'judges present'],
+    said: Float[np.ndarray, 'judges present'],
     classes: Int[np.ndarray, ' judges'],
-    found: Float[np.ndarray, 'two present'],
-) -> float:
-    """See :attr:`NetworkSay.sharper`; few labels that judge change little, and four times is the most."""
-    before, after = (power_as_claimed(each, classes, points) for each, points in zip(shares, found, strict=True))
-    trust = len(classes) / (len(classes) + HELD)
-    return float(np.clip((after / before) ** trust, 1 / MOST_SHARPER, MOST_SHARPER))
+    found: Float[np.ndarray, ' present'],
+    errors_apart: float,
+) -> NetworkSay:
+    """The powers by which labels are likeliest; no say where they do not come out likelier than by the walk alone.
 
-
-def network_power(said: Float[np.ndarray, 'judges classes'], classes: Int[np.ndarray, ' judges']) -> float:
-    """The inverse temperature by which a network is right as often as it says, all classes counting alike.
+    Each part of the labels tries the powers that the others found.
 
     Args:
-        said: Its probabilities at labels that it was not taught, at least one.
-        classes: Of these.
+        walked: What the walk says of labels that it was not told; rows of sum 1.
+        said: What the network says of them.
+        classes: True ones.
+        found: Points of each class in the answers.
+        errors_apart: Standard errors by which the mean log likelihood must gain. Larger: the network speaks less often.
     """
-    weight = _alike(classes)
-    return max(POWERS, key=lambda each: _likelihood(_raised(said, each), classes, weight))
+    weight = label_weights(classes, found / found.sum())
+    logs = np.stack([_logs(walked), _logs(said)])
+    part = np.random.default_rng(0).permutation(len(classes)) % PARTS
+    gains = np.zeros(len(classes))
+    for number in np.unique(part) if len(classes) > 1 else ():
+        asked = part == number
+        powers, alone = (
+            likeliest_powers(kinds[:, ~asked], classes[~asked], weight[~asked]) for kinds in (logs, logs[:1])
+        )
+        gains[asked] = weight[asked] * (
+            _likelihoods(logs[:, asked], powers, classes[asked]) - _likelihoods(logs[:1, asked], alone, classes[asked])
+        )
+    if not gains.sum() > errors_apart * np.sqrt(np.square(gains).sum()):
+        return SILENT._replace(labels=len(classes))
+    (own, network), (alone,) = (likeliest_powers(kinds, classes, weight).tolist() for kinds in (logs, logs[:1]))
+    usual = max(alone, LEAST_POWER)
+    return NetworkSay(network / usual, own / usual, len(classes))
 
 
-class Tried(NamedTuple):
-    """Answers without the network and with each pull of :data:`PULLS`.
+def likeliest_powers(
+    logs: Float[np.ndarray, 'witnesses labels classes'],
+    classes: Int[np.ndarray, ' labels'],
+    weight: Float[np.ndarray, ' labels'],
+) -> Float[np.ndarray, ' witnesses']:
+    """Powers of what witnesses say, multiplied, by which the classes are likeliest; none is below 0.
 
-    Attributes:
-        shares: (S, J, present) of labels that were left out; rows of sum 1.
-        found: (S, present) points of each class.
-    """
-
-    shares: Float[np.ndarray, 'pulls judges present']
-    found: Float[np.ndarray, 'pulls present']
-
-
-def try_network(trial: Trial, power: float, rules: WalkerRules) -> Tried:
-    """Leave the labels out that judge, and answer with each of :data:`PULLS`.
+    Beforehand the first has its usual power and the others 0; to be one away must gain as much as one label can tell.
 
     Args:
-        trial: Of a scan.
-        power: Of :func:`network_power`.
-        rules: Of the walk.
+        logs: Of probabilities.
+        classes: True ones.
+        weight: Of the labels.
     """
-    scene, labels, network, hidden, judges = trial
-    told, points = labels.select(~hidden), labels.points[judges]
-    graphs = coarse_graphs(scene, labels.points, rules.left_out_nodes)
-    own, shares, found = strength_of(DEFAULT, told, rules), [], []
-    likely = features_say(scene, graphs, told, own, rules)
-    for strength in PULLS:
-        pulls = network_pulls(graphs, network, NetworkSay(strength, power, 0))
-        said = at_points(graphs, walks(graphs, told, likely, own, rules, pulls))
-        shares.append(said[points].astype(np.float64))
-        found.append(np.bincount(said.argmax(axis=1), minlength=said.shape[1]).astype(np.float64))
-    return Tried(np.stack(shares), np.stack(found))
+    before = np.r_[USUAL, np.zeros(len(logs) - 1)]
+    true = logs[:, np.arange(len(classes)), classes]
+
+    def loss(powers: np.ndarray) -> tuple[float, np.ndarray]:
+        pooled = log_softmax(np.tensordot(powers, logs, axes=1), axis=1)
+        expected = (np.exp(pooled) * logs).sum(axis=2)
+        likelihood = weight @ pooled[np.arange(len(classes)), classes]
+        away = powers - before
+        return float(away @ away - likelihood), 2 * away - (true - expected) @ weight
+
+    return np.asarray(minimize(loss, before, jac=True, bounds=[(0, None)] * len(logs)).x)
 
 
-def best_strength(
-    right: Bool[np.ndarray, 'pulls judges'], classes: Int[np.ndarray, ' judges'], errors_apart: float
-) -> int:
-    """Number of the pull with the most labels right where it is ahead of none by so many standard errors, else 0.
+def _likelihoods(logs: np.ndarray, powers: np.ndarray, classes: np.ndarray) -> Float[np.ndarray, ' labels']:
+    pooled: np.ndarray = log_softmax(np.tensordot(powers, logs, axes=1), axis=1)
+    return pooled[np.arange(len(classes)), classes]
+
+
+def with_network(
+    shares: Float[np.ndarray, 'points present'], network: Float[np.ndarray, 'points present'], say: NetworkSay
+) -> Float[np.ndarray, 'points present']:
+    """The walk and the network together, as sure of itself as the walk alone; where it saw nothing the walk stands.
 
     Args:
-        right: Whether labels that were left out came out right, with each of :data:`PULLS`.
-        classes: Of the labels; all classes count alike.
-        errors_apart: Larger: the network speaks less often.
+        shares: Of the walk; rows of sum 1.
+        network: Probabilities of the network; rows of NaN where it saw nothing.
+        say: How the network enters.
     """
-    weight, gained = _alike(classes), right.astype(np.float64) - right[0]
-    ahead = gained @ weight
-    sure = ahead > errors_apart * np.sqrt(np.square(weight * gained).sum(axis=1))
-    return int(np.where(sure, ahead, 0.0).argmax())
+    seen, out = np.isfinite(network).all(axis=1), shares.copy()
+    logs = say.own * _logs(shares[seen]) + say.weight * _logs(network[seen])
+    out[seen] = normalised(np.exp(logs - logs.max(axis=1, keepdims=True)))
+    return out
 
 
-def network_pulls(
-    graphs: list[CoarseGraph], network: Float[np.ndarray, 'points present'], say: NetworkSay
-) -> list[Pull] | None:
-    """The pull towards the network at the nodes of each graph; None where it has no say."""
-    if not say.weight > 0:
-        return None
-    seen = np.isfinite(network).all(axis=1)
-    raised = _raised(np.where(seen[:, None], network, 1.0), say.power) * seen[:, None]
-    means = [graph.mean(raised) for graph in graphs]
-    return [
-        Pull(say.weight * graph.usual_degree * mean.sum(axis=1), normalised(mean))
-        for graph, mean in zip(graphs, means, strict=True)
-    ]
-
-
-def _raised(shares: Float[np.ndarray, 'rows classes'], power: float) -> Float[np.ndarray, 'rows classes']:
-    return normalised(np.maximum(shares, LEAST).astype(np.float64) ** power)
-
-
-def _alike(classes: Int[np.ndarray, ' labels']) -> Float[np.ndarray, ' labels']:
-    weight = 1.0 / np.bincount(classes)[classes]
-    return np.asarray(weight / weight.sum())
-
-
-def _likelihood(shares: np.ndarray, classes: np.ndarray, weight: np.ndarray) -> float:
-    return float(weight @ np.log(shares[np.arange(len(classes)), classes]))
+def _logs(shares: Float[np.ndarray, 'rows classes']) -> Float[np.ndarray, 'rows classes']:
+    return np.log(normalised(np.maximum(shares, LEAST).astype(np.float64)))

@@ -19,7 +19,7 @@ from rm3d_plugin.pseudo_labels.propagation.estimate import Estimate, calibrated,
 from rm3d_plugin.pseudo_labels.propagation.labels import Labels
 from rm3d_plugin.pseudo_labels.propagation.left_out import LeftOut, leave_labels_out, strength_of
 from rm3d_plugin.pseudo_labels.propagation.nearest import nearest_label, nearest_label_in_place_and_colour
-from rm3d_plugin.pseudo_labels.propagation.network import judge_network, network_pulls, trial_of
+from rm3d_plugin.pseudo_labels.propagation.network import judge_network, trial_of, with_network
 from rm3d_plugin.pseudo_labels.propagation.prepared import PreparedCloud, prepare_cloud
 from rm3d_plugin.pseudo_labels.propagation.relax import relax
 from rm3d_plugin.pseudo_labels.propagation.rules import CANDIDATES, DEFAULT, SILENT, Candidate, NetworkSay, WalkerRules
@@ -38,7 +38,7 @@ class Propagation(NamedTuple):
         choice: Which candidate was taken, and how each did on labels that were left out.
         estimate: Of the mean IoU on the points without a label, or None where too few labels can be left out.
         remark: A line for the log: what was taken and why.
-        network_weight: Pull of the network that was given, as a share of the usual sum of a point's edges; 0: no say.
+        network_weight: Power of the network that was given; 0: no say.
     """
 
     semantic: Int[np.ndarray, ' points']
@@ -106,9 +106,9 @@ def propagate_prepared(
     if network is not None and beside.say is None and beside.unseen is not None:
         trial = trial_of(scene, labels, network, beside.unseen)
         say = SILENT if trial is None else judge_network([trial], rules)
-    shares = _answer(scene, labels, choice.candidate if not say.weight else DEFAULT, rules, network, say)
-    if say.weight:
-        shares = calibrated(shares, say.sharper)
+    shares = _answer(scene, labels, DEFAULT if say.weight else choice.candidate, rules)
+    if network is not None and say.weight:
+        shares = with_network(shares, network, say)
     estimate = None if left is None else _estimate(shares, annotated < 0, left, labels, choice.candidate, rules)
     sharpness = beside.sharpness if estimate is None else estimate.sharpness
     if sharpness is not None:
@@ -157,8 +157,6 @@ def _answer(
     labels: Labels,
     candidate: Candidate,
     rules: WalkerRules,
-    network: Float[np.ndarray, 'points present'] | None,
-    say: NetworkSay,
 ) -> Float[np.ndarray, 'points present']:
     """Shares of the classes that are there at every point; rows of sum 1, as given at labelled points."""
     shares, given = (
@@ -176,8 +174,7 @@ def _answer(
         shares[labels.points] = given[labels.classes]
         return shares
     graphs = coarse_graphs(scene, labels.points, rules.nodes)
-    pulls = None if network is None else network_pulls(graphs, network, say)
-    found = solve(scene, graphs, labels, strength_of(candidate, labels, rules), rules, pulls)
+    found = solve(scene, graphs, labels, strength_of(candidate, labels, rules), rules)
     walked = _refined(scene, graphs, found, labels, rules)
     reached = walked.sum(axis=1) > 1e-6  # what no labelled point is joined to takes the nearest
     shares[reached] = normalised(walked[reached])
@@ -230,7 +227,9 @@ def _named(
 
 
 def _remark(choice: Choice, estimate: Estimate | None, labels: int, say: NetworkSay) -> str:
-    heard = '' if not say.labels else f'; network: pull {say.weight:g}, by {say.labels} labels that it was not taught'
+    heard = (
+        '' if not say.labels else f'; network: weight {say.weight:.2g}, by {say.labels} labels that it was not taught'
+    )
     if estimate is None:
         few = f'{labels} labels are in too few places to leave some out'
         return f'{choice.candidate} (the default): {few}, no estimate{heard}'

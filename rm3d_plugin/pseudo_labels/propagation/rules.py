@@ -12,17 +12,14 @@ class NetworkSay(NamedTuple):
     """How a network enters an answer.
 
     Attributes:
-        weight: Pull, as a share of the usual degree of a point; 0: no say.
-        power: Inverse temperature by which its probabilities are right as often as they say.
+        weight: Power of its probabilities; 0: no say.
+        own: Power of those of the walk beside it. Both together are as sure of themselves as the walk alone.
         labels: That judged it.
-        sharper: Power that makes an answer with it as sure of itself as one without it, as far as the labels that judge
-            can tell: each is then right as often as it says.
     """
 
     weight: float
-    power: float
+    own: float
     labels: int
-    sharper: float = 1.0
 
 
 SILENT = NetworkSay(0.0, 1.0, 0)
@@ -47,7 +44,7 @@ class WalkerRules:
         folds: Parts into which the labels are divided to be left out; 0: nothing is left out.
         least_left_out: Labels, one a place, that can be left out without taking a class away, below which none is.
         errors_apart: Standard errors by which another candidate must be ahead of the default.
-        network_errors_apart: The same for a network beside none.
+        network_errors_apart: The same for the log likelihood of labels with a network beside that without.
         examples: Labels of a class that teach its features, at most.
         draws: Of the interval of the estimate.
         seed: Of folds and draws.
@@ -63,7 +60,7 @@ class WalkerRules:
     folds: int = 5
     least_left_out: int = 10
     errors_apart: float = 3.0
-    network_errors_apart: float = 1.0
+    network_errors_apart: float = 2.0
     examples: int = 200
     draws: int = 200
     seed: int = 0

@@ -1,6 +1,5 @@
-"""One answer from given labels: a random walker over each coarse graph, drawn to what features and a network say."""
+"""One answer from given labels: a random walker over each coarse graph, drawn to what features say."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -47,14 +46,6 @@ class Pull(NamedTuple):
     strength: Float[np.ndarray, ' nodes']
     prior: Float[np.ndarray, 'nodes classes']
 
-    def joined(self, other: 'Pull | None') -> 'Pull':
-        """Both at once."""
-        if other is None:
-            return self
-        strength = self.strength + other.strength
-        both = self.strength[:, None] * self.prior + other.strength[:, None] * other.prior
-        return Pull(strength, np.where(strength[:, None] > 0, normalised(both), self.prior))
-
 
 class Solution(NamedTuple):
     """An answer on one graph.
@@ -85,7 +76,6 @@ def solve(
     labels: Labels,
     strength: float,
     rules: WalkerRules,
-    networks: list[Pull] | None = None,
 ) -> list[Solution]:
     """Walk over each graph, drawn to what features say; few labels let the answer teach what classes look like.
 
@@ -95,10 +85,9 @@ def solve(
         labels: At least one, or examples.
         strength: Of the features, as a share of the usual degree of a point; 0: walkers alone.
         rules: The rest.
-        networks: Further pulls, one a graph, or None.
     """
-    likely = features_say(scene, graphs, labels, strength, rules, networks)
-    return walks(graphs, labels, likely, strength, rules, networks)
+    likely = features_say(scene, graphs, labels, strength, rules)
+    return walks(graphs, labels, likely, strength, rules)
 
 
 def features_say(
@@ -107,7 +96,6 @@ def features_say(
     labels: Labels,
     strength: float,
     rules: WalkerRules,
-    networks: list[Pull] | None = None,
 ) -> Float[np.ndarray, 'points classes']:
     """What features say of each point, of which a first answer is a teacher where labels are few; see :func:`solve`."""
     if not strength > 0:
@@ -116,7 +104,7 @@ def features_say(
     taught = 1.0 - trust_of(labels, rules)
     if taught < LEAST_TAUGHT:
         return likely
-    found = walks(graphs, labels, likely, strength, rules, networks)
+    found = walks(graphs, labels, likely, strength, rules)
     learnt = class_shares(scene, labels, rules.examples, at_points(graphs, found))
     return np.asarray((1.0 - taught) * likely + taught * learnt)
 
@@ -139,14 +127,12 @@ def walks(
     likely: Float[np.ndarray, 'points classes'],
     strength: float,
     rules: WalkerRules,
-    networks: list[Pull] | None = None,
 ) -> list[Solution]:
     """A walk over each graph, drawn to what features say of each point; see :func:`solve`."""
-    further: Sequence[Pull | None] = [None for _ in graphs] if networks is None else networks
 
     def work(first: int, _: int) -> Solution:
         graph = graphs[first]
-        return _walk(graph, labels, normalised(graph.mean(likely)), strength, rules, further[first])
+        return _walk(graph, labels, normalised(graph.mean(likely)), strength, rules)
 
     return map_blocks(work, len(graphs), 1)
 
@@ -157,12 +143,10 @@ def _walk(
     likely: Float[np.ndarray, 'nodes classes'],
     strength: float,
     rules: WalkerRules,
-    network: Pull | None,
 ) -> Solution:
     """One walker; frequencies of the classes are read off its own answer."""
     sizes, nodes, count = graph.coarse.sizes, graph.coarse.node[labels.points], labels.num_classes
-    own = Pull(np.full(len(sizes), strength * graph.usual_degree), likely)
-    pull = own.joined(network)
+    pull = Pull(np.full(len(sizes), strength * graph.usual_degree), likely)
     system = HarmonicSystem(graph.coarse.weights, nodes, pull.strength * sizes)
     given, places, counts = np.eye(count)[labels.classes], labels.place_counts, labels.counts
     shares = system.shares(given, pull.prior)
@@ -170,6 +154,6 @@ def _walk(
         factors = prior_shift(
             shares.argmax(axis=1), sizes, np.maximum(places, 1), rules.prior_half, np.maximum(counts, 1)
         )
-        pull = own._replace(prior=normalised(likely * factors)).joined(network)
+        pull = pull._replace(prior=normalised(likely * factors))
         shares = system.shares(given, pull.prior)
     return Solution(normalised(np.maximum(shares, 0.0)), pull)

@@ -1,19 +1,9 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from steps_scene import FLOOR, SHELF, WALL, clicks, scene
 
 from rm3d_plugin.pseudo_labels.propagation import Beside, WalkerRules, examples_of, prepare_cloud, propagate_prepared
-from rm3d_plugin.pseudo_labels.propagation.estimate import calibrated, power_as_claimed
-from rm3d_plugin.pseudo_labels.propagation.network import (
-    MOST_SHARPER,
-    PULLS,
-    _sharper,
-    judge_network,
-    trial_of,
-    try_network,
-)
+from rm3d_plugin.pseudo_labels.propagation.network import trial_of, walk_without
 from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
 from rm3d_plugin.pseudo_labels.propagation.scores import painted, unlabelled_miou
 
@@ -107,33 +97,6 @@ def test_what_does_not_fit_is_named():
             propagate_prepared(prepared, annotated, 3, beside=beside)
 
 
-def test_an_answer_with_a_network_is_as_sure_of_itself_as_left_out_labels_allow():
-    cloud, semantic = scene()
-    annotated = clicks(semantic, 12, seed=3)
-    unseen = annotated == WALL  # which the network alone knows
-    hesitant = network_of(semantic, right=True, classes=3, sure=0.4)  # always right, and never sure
-    prepared = prepare_cloud(cloud)
-    present, labels = labels_of(prepared, annotated, 3, Beside())
-    trial = trial_of(prepared, labels, hesitant[:, present], unseen)
-    say = judge_network([trial], WalkerRules())
-    tried, pull = try_network(trial, say.power, WalkerRules()), PULLS.index(say.weight)
-    assert pull > 0
-    right = np.mean(tried.shares[pull].argmax(axis=1) == trial.classes)
-    usual = power_as_claimed(tried.shares[0], trial.classes, tried.found[0])
-    as_before, as_judged = (
-        calibrated(tried.shares[pull], power).max(axis=1).mean() for power in (usual, usual * say.sharper)
-    )
-    assert as_before < as_judged <= right + 0.05 and right - as_judged < 0.8 * (right - as_before)
-    beside = Beside(network=hesitant, say=say, sharpness=1.0)
-    answers = [
-        propagate_prepared(prepared, annotated, 3, beside=b)
-        for b in (beside, replace(beside, say=say._replace(sharper=1.0)))
-    ]
-    assert np.array_equal(answers[0].semantic, answers[1].semantic)
-    sharpened = answers[1].probabilities.astype(float) ** say.sharper
-    assert np.allclose(answers[0].probabilities, sharpened / sharpened.sum(axis=1, keepdims=True), atol=1e-5)
-
-
 def test_of_a_stroke_one_label_judges_and_none_is_told():
     cloud, semantic = scene()
     annotated = clicks(semantic, 4)
@@ -147,21 +110,13 @@ def test_of_a_stroke_one_label_judges_and_none_is_told():
     assert len(stroke) > 10 and trial.hidden.sum() == len(stroke) and trial.judges.sum() == 1
     told = labels.select(~trial.hidden)
     assert not np.isin(stroke, told.points).any() and len(told.points) == len(labels.points) - len(stroke)
-    assert try_network(trial, 1.0, WalkerRules()).shares.shape == (len(PULLS), 1, 3)
+    assert walk_without(trial, WalkerRules()).shares.shape == (1, 3)
     network = network_of(semantic, right=True, classes=3)[:, present]
     network[stroke[1:]] = np.nan  # it saw one point of the stroke alone: that is asked, and none of the others is told
     half = trial_of(prepared, labels, network, unseen)
     assert labels.points[half.judges].tolist() == [stroke[0]] and (half.hidden == trial.hidden).all()
     unseen[stroke[0]] = False  # the network was taught a part of the stroke: it knows the rest
     assert trial_of(prepared, labels, network_of(semantic, right=True, classes=3)[:, present], unseen) is None
-
-
-def test_few_labels_that_judge_change_little_how_sure_an_answer_is():
-    classes = np.array([0, 0])
-    shares = np.array([[[0.45, 0.55]] * 2, [[0.55, 0.45]] * 2])  # without the network wrong, with it right
-    few = _sharper(shares, classes, np.array([[5.0, 5.0], [5.0, 5.0]]))
-    many = _sharper(shares.repeat(100, axis=1), classes.repeat(100), np.array([[5.0, 5.0], [5.0, 5.0]]))
-    assert 1 < few < 1.5 < many == MOST_SHARPER
 
 
 def test_an_example_of_other_scans_is_a_region_and_not_each_point_of_a_stroke():
