@@ -145,6 +145,7 @@ losses = ['${point_loss}', '${aug_loss}', '${method_loss}']
 class_balance = 'batch'  # by the labels of a batch; 'frequency': by the annotated labels; 'none'
 class_power = 0.5  # weight of a class = labels of it ^ -0.5: wires and poles are a thousandth of the points
 pseudo_weight = 1.0  # of a label that the budget did not show
+confidence_power = 0.0  # 1: a label teaches as much as it is likely to be right; 0: all alike
 annotated_share = 0.2  # of L_WSL that annotated labels have; those that propagate are mostly of wide flat things
 method_loss = None  # of a compared method
 method_hook = None  # of a compared method: a teacher, say, or pre-trained weights
@@ -156,6 +157,7 @@ point_loss = dict(
     power='${class_power}',
     pseudo_weight='${pseudo_weight}',
     annotated_share='${annotated_share}',
+    confidence_power='${confidence_power}',
 )
 aug_loss = dict(type='ViewConsistency', loss=dict(type='JSAugLoss'))
 
