@@ -258,6 +258,7 @@ custom_hooks = [
 rounds = 8
 sigma = 65  # epochs a round
 warm_up_rounds = 1  # rounds that the first labels last
+final_rounds = 1  # rounds that the last labels last
 label_refreshes = None  # as many as the rounds allow; 1: the first labels stay
 batch_size = 8
 learning_rate = 1e-3

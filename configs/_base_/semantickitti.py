@@ -19,11 +19,11 @@ val_dataloader = dict(dataset=dict(sequences='${val_sequences}', use_intensity='
 confidence_power = 1.0  # many classes are rare, and their labels often wrong
 region_prior = dict(heading=True)  # a vehicle's scans
 ground = dict(classifier='kernel', heading=True)
-# Labels are made again early, so that the last, the best, teach for two thirds of the training.
+# The last labels are the best: they teach for two thirds of the training.
 demo = dict(
     demo_data=dict(scenes='semantickitti_streets', num_train=64, num_val=14, seed=0),
     rounds=6,
     sigma=3,
-    label_refreshes=3,
+    final_rounds=4,
     val_rounds=6,
 )

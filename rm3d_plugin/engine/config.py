@@ -38,7 +38,15 @@ UNREAD = {  # by strategy of labels for points
     'regions': WALK,
     'paper': (*WALK, *REGION_RULES),
 }
-WHOLE = ('batch_size', 'accumulate', 'checkpoint_interval', 'val_rounds', 'warm_up_rounds', 'label_refreshes')
+WHOLE = (
+    'batch_size',
+    'accumulate',
+    'checkpoint_interval',
+    'val_rounds',
+    'warm_up_rounds',
+    'final_rounds',
+    'label_refreshes',
+)
 
 
 def load_config(
@@ -75,7 +83,8 @@ def load_config(
     config.is_demo = demo
     config.epochs = _count(config, 'rounds') * _count(config, 'sigma')
     if config.get('label_refreshes', 1) is None:
-        config.label_refreshes = max(config.rounds - _count(config, 'warm_up_rounds') + 1, 1)
+        longer = sum(_count(config, name) - 1 for name in ('warm_up_rounds', 'final_rounds') if name in config)
+        config.label_refreshes = max(config.rounds - longer, 1)
     if 'num_classes' in config and 'class_names' in config:
         _count_classes(config)
     resolved = Config(resolve(config.to_dict(), path), filename=config.filename)

@@ -32,11 +32,13 @@ DENSITY = {
     'cluster_points',
     'min_proposal_points',
 }
-# How long and how fast: rounds that the first labels last are so many epochs, too; a schedule keeps its kind.
+# How long and how fast: rounds that the first and the last labels last are so many epochs, too; a schedule keeps its
+# kind.
 EPOCHS = {
     'rounds',
     'sigma',
     'warm_up_rounds',
+    'final_rounds',
     'periods',
     'restart_weights',
     'learning_rate',

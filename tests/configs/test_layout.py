@@ -16,7 +16,7 @@ COMPLETE = ('indoor', 'outdoor', 'detection')
 SHARED = (
     'custom_imports default_scope seed threads num_workers accumulate cache_dir checkpoint_interval randomness env_cfg '
     'default_hooks log_level visualizer custom_hooks train_cfg val_cfg test_cfg optim_wrapper restart_schedule '
-    'warm_up_rounds label_refreshes test_dataloader test_evaluator graph_neighbors budget_seed'
+    'warm_up_rounds final_rounds label_refreshes test_dataloader test_evaluator graph_neighbors budget_seed'
 ).split()
 
 

@@ -205,6 +205,9 @@ def test_label_refreshes_are_those_that_happen(leaf):
     assert load_config(leaf, options={'rounds': 7}).label_refreshes == 5
     assert load_config(leaf).label_refreshes == 1, 'two rounds end before the first labels do'
     assert load_config(leaf, options={'rounds': 7, 'label_refreshes': 1}).label_refreshes == 1
+    both = 'label_refreshes = None\nwarm_up_rounds = 3\nfinal_rounds = 2'
+    leaf.write_text(LEAF.replace("label_refreshes = '${rounds}'", both))
+    assert load_config(leaf, options={'rounds': 7}).label_refreshes == 4, 'rounds 0 to 2, 3, 4, and 5 to 6'
 
 
 def test_old_names_are_told_with_the_new_ones(leaf):

@@ -29,6 +29,7 @@ SIZES = {
     'sigma': 1,
     'rounds': 2,
     'warm_up_rounds': 1,
+    'final_rounds': 1,
     'val_rounds': 1,
     'milestones': [1],
     'batch_size': 1,
