@@ -38,7 +38,7 @@ clicks.csv, by place (metres, as in the scan) or by the number of the point:
   street,12.31,-4.02,0.11,ground      street,4711,ground
 
 The labels without training are written first, always. --train replaces them where clicks
-that the network was not taught are named better with it; Ctrl-C leaves them as they are."""
+that the network was not taught are likelier with it; Ctrl-C leaves them as they are."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -38,7 +38,7 @@ class LabelledScan:
         checked: Labels were to be left out.
         seconds: It took.
         method: What was taken.
-        network_weight: Pull of a network, 0: it has no say.
+        network_weight: Power of what a network says beside the walk; 0: it has no say.
     """
 
     semantic: Int[np.ndarray, ' points']

@@ -62,8 +62,8 @@ class WalkerLabelMaker(LabelMaker):
     """Labels of each scan spread over its points (:mod:`rm3d_plugin.pseudo_labels.propagation`).
 
     Labels of all scans teach what classes look like, and, left out in turn, how far answers may be trusted. From round
-    1 on the network is one more voice, if labels that it was not taught come out better with it; else the labels of
-    round 0 stand.
+    1 on the network is a witness of its own, if labels that neither was told come out likelier with it; else the labels
+    of round 0 stand.
 
     Args:
         store: Folder of the label store.
@@ -178,7 +178,7 @@ class WalkerLabelMaker(LabelMaker):
         if not 0 < number < self._rounds - 1 or self._say.weight:
             return False
         before = self._before(number)
-        return not before['network_weight'] and bool(before['annotated'] == self.known.count)
+        return before.get('network_weight') == 0 and bool(before['annotated'] == self.known.count)
 
     def _before(self, number: int) -> dict[str, Any]:
         """Of the round before, from the store: a run that was interrupted goes on as another does."""

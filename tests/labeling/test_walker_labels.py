@@ -90,6 +90,17 @@ def test_a_run_that_is_taken_up_makes_the_same_labels(tmp_path):
     assert unbroken.store.summary(2) == resumed.store.summary(2)
 
 
+def test_labels_of_a_version_that_says_no_weight_are_made_again(tmp_path):
+    made = label_maker(tmp_path, rounds=4)
+    rounds.start(made)
+    old = {key: value for key, value in made.store.summary(0).items() if key != 'network_weight'}
+    made.store.finish_round(0, old | {'network_pull': 0.0})
+    refresh(made, 1, wrong)
+    for first, second in zip(of(made, 0), of(made, 1), strict=True):
+        np.testing.assert_array_equal(first.semantic, second.semantic)
+    assert made.store.summary(1)['network_weight'] == 0.0
+
+
 def test_a_network_that_is_right_is_heard_where_labels_are_few(tmp_path):
     made = label_maker(tmp_path, 'onept', rounds=3, walker={'judging': 0.4})
     rounds.start(made)

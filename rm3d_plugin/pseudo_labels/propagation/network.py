@@ -23,7 +23,9 @@ from rm3d_plugin.pseudo_labels.propagation.solve import at_points, coarse_graphs
 
 LEAST = 1e-3  # share of a class that neither witness goes below: what one rules out the other may still name
 PARTS = 5  # into which the labels that judge are divided: each part tries the powers that the others found
-LEAST_POWER = 0.25  # of an answer without the network, however little it knows of the labels that judge
+LEAST_POWER = 1.0  # of an answer without the network, however little it knows of the labels that judge
+COVERED = 0.5  # of the points have a class that a label judges, or a network that names few classes would be heard
+BLOCK = 1 << 18  # points that are worked on at once
 
 
 class Trial(NamedTuple):
@@ -127,6 +129,9 @@ def weigh_network(
 ) -> NetworkSay:
     """The powers by which labels are likeliest; no say where they do not come out likelier than by the walk alone.
 
+    Nor has it one where the labels are of one class, or of classes that hold less than half of the points: a network
+    that names no others would be right on all of them.
+
     Each part of the labels tries the powers that the others found.
 
     Args:
@@ -136,23 +141,37 @@ def weigh_network(
         found: Points of each class in the answers.
         errors_apart: Standard errors by which the mean log likelihood must gain. Larger: the network speaks less often.
     """
+    if np.unique(classes).size < 2 or found[np.unique(classes)].sum() < COVERED * found.sum():
+        return SILENT._replace(labels=len(classes))
     weight = label_weights(classes, found / found.sum())
     logs = np.stack([_logs(walked), _logs(said)])
-    part = np.random.default_rng(0).permutation(len(classes)) % PARTS
-    gains = np.zeros(len(classes))
-    for number in np.unique(part) if len(classes) > 1 else ():
-        asked = part == number
-        powers, alone = (
-            likeliest_powers(kinds[:, ~asked], classes[~asked], weight[~asked]) for kinds in (logs, logs[:1])
-        )
-        gains[asked] = weight[asked] * (
-            _likelihoods(logs[:, asked], powers, classes[asked]) - _likelihoods(logs[:1, asked], alone, classes[asked])
-        )
+    gains = _gains(logs, classes, weight)
     if not gains.sum() > errors_apart * np.sqrt(np.square(gains).sum()):
         return SILENT._replace(labels=len(classes))
-    (own, network), (alone,) = (likeliest_powers(kinds, classes, weight).tolist() for kinds in (logs, logs[:1]))
+    own, network = likeliest_powers(logs, classes, weight).tolist()
+    (alone,) = likeliest_powers(logs[:1], classes, weight).tolist()
+    if network <= 0:
+        return SILENT._replace(labels=len(classes))
     usual = max(alone, LEAST_POWER)
     return NetworkSay(network / usual, own / usual, len(classes))
+
+
+def _gains(
+    logs: Float[np.ndarray, 'witnesses labels classes'],
+    classes: Int[np.ndarray, ' labels'],
+    weight: Float[np.ndarray, ' labels'],
+) -> Float[np.ndarray, ' labels']:
+    """How much likelier each label is by all witnesses than by the first alone, with powers that other labels found."""
+    part = np.random.default_rng(0).permutation(len(classes)) % PARTS
+    gains = np.zeros(len(classes))
+    for number in np.unique(part):
+        asked = part == number
+        said = []
+        for witnesses in (logs, logs[:1]):
+            powers = likeliest_powers(witnesses[:, ~asked], classes[~asked], weight[~asked])
+            said.append(_log_likelihoods(witnesses[:, asked], powers, classes[asked]))
+        gains[asked] = weight[asked] * (said[0] - said[1])
+    return gains
 
 
 def likeliest_powers(
@@ -182,7 +201,7 @@ def likeliest_powers(
     return np.asarray(minimize(loss, before, jac=True, bounds=[(0, None)] * len(logs)).x)
 
 
-def _likelihoods(logs: np.ndarray, powers: np.ndarray, classes: np.ndarray) -> Float[np.ndarray, ' labels']:
+def _log_likelihoods(logs: np.ndarray, powers: np.ndarray, classes: np.ndarray) -> Float[np.ndarray, ' labels']:
     pooled: np.ndarray = log_softmax(np.tensordot(powers, logs, axes=1), axis=1)
     return pooled[np.arange(len(classes)), classes]
 
@@ -197,9 +216,11 @@ def with_network(
         network: Probabilities of the network; rows of NaN where it saw nothing.
         say: How the network enters.
     """
-    seen, out = np.isfinite(network).all(axis=1), shares.copy()
-    logs = say.own * _logs(shares[seen]) + say.weight * _logs(network[seen])
-    out[seen] = normalised(np.exp(logs - logs.max(axis=1, keepdims=True)))
+    out = shares.copy()
+    for first in range(0, len(shares), BLOCK):
+        rows = first + np.flatnonzero(np.isfinite(network[first : first + BLOCK]).all(axis=1))
+        logs = say.own * _logs(shares[rows]) + say.weight * _logs(network[rows])
+        out[rows] = normalised(np.exp(logs - logs.max(axis=1, keepdims=True)))
     return out
 
 

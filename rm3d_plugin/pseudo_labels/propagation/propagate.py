@@ -102,11 +102,13 @@ def propagate_prepared(
     left = leave_labels_out(scene, labels, candidates, rules) if beside.sharpness is None else None
     choice = Choice(DEFAULT, {}) if left is None else choose(left.shares, labels.classes[left.rows], rules.errors_apart)
     network = None if beside.network is None else beside.network[:, present]
-    say = beside.say or SILENT
+    say = SILENT if network is None or beside.say is None else beside.say
     if network is not None and beside.say is None and beside.unseen is not None:
         trial = trial_of(scene, labels, network, beside.unseen)
         say = SILENT if trial is None else judge_network([trial], rules)
-    shares = _answer(scene, labels, DEFAULT if say.weight else choice.candidate, rules)
+    if say.weight:
+        choice = choice._replace(candidate=DEFAULT)
+    shares = _answer(scene, labels, choice.candidate, rules)
     if network is not None and say.weight:
         shares = with_network(shares, network, say)
     estimate = None if left is None else _estimate(shares, annotated < 0, left, labels, choice.candidate, rules)

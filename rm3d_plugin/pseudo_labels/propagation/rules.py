@@ -44,8 +44,7 @@ class WalkerRules:
         folds: Parts into which the labels are divided to be left out; 0: nothing is left out.
         least_left_out: Labels, one a place, that can be left out without taking a class away, below which none is.
         errors_apart: Standard errors by which another candidate must be ahead of the default.
-        network_errors_apart: The same for the log likelihood of labels with a network beside that without; one network
-            in twenty is so far ahead by chance.
+        network_errors_apart: The same for the log likelihood of labels with a network beside that without.
         examples: Labels of a class that teach its features, at most.
         draws: Of the interval of the estimate.
         seed: Of folds and draws.

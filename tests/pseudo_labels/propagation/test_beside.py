@@ -5,6 +5,7 @@ from steps_scene import FLOOR, SHELF, WALL, clicks, scene
 from rm3d_plugin.pseudo_labels.propagation import Beside, WalkerRules, examples_of, prepare_cloud, propagate_prepared
 from rm3d_plugin.pseudo_labels.propagation.network import trial_of, walk_without
 from rm3d_plugin.pseudo_labels.propagation.propagate import labels_of
+from rm3d_plugin.pseudo_labels.propagation.rules import NetworkSay
 from rm3d_plugin.pseudo_labels.propagation.scores import painted, unlabelled_miou
 
 
@@ -61,14 +62,26 @@ def test_a_network_speaks_if_labels_that_it_was_not_taught_are_for_it(right):
         assert result.network_weight == 0.0
 
 
-def test_a_network_that_alone_knows_a_class_is_heard():
+@pytest.mark.parametrize('others', [False, True])
+def test_a_network_that_alone_knows_a_class_is_heard_if_labels_of_others_judge_it_too(others):
     cloud, semantic = scene()
     judged = clicks(semantic, 12, seed=3)
     unseen = judged == WALL
+    if others:
+        unseen[np.flatnonzero(judged == FLOOR)[:6]] = True
+        unseen[np.flatnonzero(judged == SHELF)[:6]] = True
     network = network_of(semantic, right=True, classes=3)
     beside = Beside(network=network, unseen=unseen)
     result = propagate_prepared(prepare_cloud(cloud), judged, 3, beside=beside)
-    assert result.network_weight > 0.0
+    assert (result.network_weight > 0.0) == others
+
+
+def test_a_say_without_a_network_is_none():
+    cloud, semantic = scene()
+    prepared, annotated = prepare_cloud(cloud), clicks(semantic, 5)
+    result = propagate_prepared(prepared, annotated, 3, beside=Beside(say=NetworkSay(1.0, 1.0, 9)))
+    assert result.network_weight == 0.0
+    np.testing.assert_array_equal(result.semantic, propagate_prepared(prepared, annotated, 3).semantic)
 
 
 def test_without_labels_that_it_was_not_taught_a_network_has_no_say():

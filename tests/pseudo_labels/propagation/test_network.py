@@ -3,6 +3,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.special import log_softmax
 
+from rm3d_plugin.pseudo_labels.propagation import network
 from rm3d_plugin.pseudo_labels.propagation.estimate import USUAL
 from rm3d_plugin.pseudo_labels.propagation.network import LEAST, likeliest_powers, weigh_network, with_network
 from rm3d_plugin.pseudo_labels.propagation.rules import SILENT, NetworkSay
@@ -18,10 +19,10 @@ def witness(classes, right, generator, sure=0.8, of=3):
     return out
 
 
-def two_witnesses(labels=600, network=0.8, seed=0):
+def two_witnesses(labels=600, right=0.8, seed=0):
     generator = np.random.default_rng(seed)
     classes = np.arange(labels) % 3
-    return witness(classes, 0.8, generator), witness(classes, network, generator), classes, np.ones(3)
+    return witness(classes, 0.8, generator), witness(classes, right, generator), classes, np.ones(3)
 
 
 def accuracy(shares, classes):
@@ -42,10 +43,10 @@ def test_of_two_witnesses_that_err_apart_both_together_are_right_more_often():
     assert accuracy(with_network(walked, better, say), classes) > accuracy(walked, classes) + 0.1
 
 
-@pytest.mark.parametrize('network', [1 / 3, 0.1])
-def test_a_witness_by_chance_or_one_that_is_mostly_wrong_has_no_say(network):
+@pytest.mark.parametrize('right', [1 / 3, 0.1])
+def test_a_witness_by_chance_or_one_that_is_mostly_wrong_has_no_say(right):
     for seed in range(5):
-        walked, said, classes, found = two_witnesses(labels=90, network=network, seed=seed)
+        walked, said, classes, found = two_witnesses(labels=90, right=right, seed=seed)
         assert weigh_network(walked, said, classes, found, errors_apart=2.0) == SILENT._replace(labels=90)
 
 
@@ -88,11 +89,32 @@ def test_both_together_are_as_sure_of_themselves_as_the_walk_alone():
 
 def test_the_answer_is_the_product_of_powers_and_where_the_network_saw_nothing_the_walk():
     shares = np.array([[0.7, 0.2, 0.1], [0.5, 0.5, 0.0], [0.1, 0.1, 0.8]])
-    network = np.array([[0.2, 0.6, 0.2], [0.1, 0.1, 0.8], [np.nan] * 3])
-    found = with_network(shares, network, NetworkSay(weight=2.0, own=0.5, labels=9))
-    product = shares[0] ** 0.5 * network[0] ** 2
+    said = np.array([[0.2, 0.6, 0.2], [0.1, 0.1, 0.8], [np.nan] * 3])
+    found = with_network(shares, said, NetworkSay(weight=2.0, own=0.5, labels=9))
+    product = shares[0] ** 0.5 * said[0] ** 2
     np.testing.assert_allclose(found[0], product / product.sum())
     np.testing.assert_array_equal(found[2], shares[2])
-    small = np.array([0.5, 0.5, LEAST]) ** 0.5 * network[1] ** 2
+    small = np.array([0.5, 0.5, LEAST]) ** 0.5 * said[1] ** 2
     np.testing.assert_allclose(found[1], small / small.sum(), rtol=2e-3)
     assert found[1].argmax() == 2  # what the walk rules out the network may still name
+
+
+def test_a_network_that_names_few_classes_is_not_judged_by_labels_of_these_alone():
+    generator = np.random.default_rng(1)
+    for judged in (1, 2):
+        classes = np.arange(60) % judged
+        walked = witness(classes, 0.8, generator, of=5)
+        said = np.full((60, 5), 0.01)
+        said[np.arange(60), classes] = 0.96
+        assert weigh_network(walked, said, classes, np.ones(5), errors_apart=1.64).weight == 0
+        assert (weigh_network(walked, said, classes, np.r_[9.0, 9.0, 1, 1, 1], 1.64).weight > 0) == (judged == 2)
+
+
+def test_large_scans_are_worked_on_in_blocks(monkeypatch):
+    walked, said, _, _ = two_witnesses(labels=60)
+    said[::7] = np.nan
+    walked, said = walked.astype(np.float32), said.astype(np.float32)
+    whole = with_network(walked, said, NetworkSay(1.5, 0.8, 9))
+    monkeypatch.setattr(network, 'BLOCK', 11)
+    np.testing.assert_array_equal(with_network(walked, said, NetworkSay(1.5, 0.8, 9)), whole)
+    assert whole.dtype == np.float32
