@@ -60,7 +60,7 @@ class WalkerRules:
     folds: int = 5
     least_left_out: int = 10
     errors_apart: float = 3.0
-    network_errors_apart: float = 1.64
+    network_errors_apart: float = 2.0
     examples: int = 200
     draws: int = 200
     seed: int = 0
