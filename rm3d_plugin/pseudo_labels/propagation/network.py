@@ -130,9 +130,7 @@ def weigh_network(
     """The powers by which labels are likeliest; no say where they do not come out likelier than by the walk alone.
 
     Nor has it one where the labels are of one class, or of classes that hold less than half of the points: a network
-    that names no others would be right on all of them.
-
-    Each part of the labels tries the powers that the others found.
+    that names no others would be right on all of them. Each part of the labels tries the powers that the others found.
 
     Args:
         walked: What the walk says of labels that it was not told; rows of sum 1.
@@ -149,11 +147,11 @@ def weigh_network(
     if not gains.sum() > errors_apart * np.sqrt(np.square(gains).sum()):
         return SILENT._replace(labels=len(classes))
     own, network = likeliest_powers(logs, classes, weight).tolist()
-    (alone,) = likeliest_powers(logs[:1], classes, weight).tolist()
     if network <= 0:
         return SILENT._replace(labels=len(classes))
-    usual = max(alone, LEAST_POWER)
-    return NetworkSay(network / usual, own / usual, len(classes))
+    (alone,) = likeliest_powers(logs[:1], classes, weight).tolist()
+    alone = max(alone, LEAST_POWER)
+    return NetworkSay(network / alone, own / alone, len(classes))
 
 
 def _gains(
@@ -209,7 +207,7 @@ def _log_likelihoods(logs: np.ndarray, powers: np.ndarray, classes: np.ndarray) 
 def with_network(
     shares: Float[np.ndarray, 'points present'], network: Float[np.ndarray, 'points present'], say: NetworkSay
 ) -> Float[np.ndarray, 'points present']:
-    """The walk and the network together, as sure of itself as the walk alone; where it saw nothing the walk stands.
+    """The walk and the network together, about as sure as the walk alone, which stands where the network saw nothing.
 
     Args:
         shares: Of the walk; rows of sum 1.

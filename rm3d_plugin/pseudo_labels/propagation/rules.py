@@ -13,7 +13,8 @@ class NetworkSay(NamedTuple):
 
     Attributes:
         weight: Power of its probabilities; 0: no say.
-        own: Power of those of the walk beside it. Both together are as sure of themselves as the walk alone.
+        own: Power of those of the walk beside it. Both together are about as sure as the walk alone;
+            judged by few labels they claim too much.
         labels: That judged it.
     """
 

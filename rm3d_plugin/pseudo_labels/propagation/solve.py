@@ -86,11 +86,11 @@ def solve(
         strength: Of the features, as a share of the usual degree of a point; 0: walkers alone.
         rules: The rest.
     """
-    likely = features_say(scene, graphs, labels, strength, rules)
-    return walks(graphs, labels, likely, strength, rules)
+    likely = _features_say(scene, graphs, labels, strength, rules)
+    return _walks(graphs, labels, likely, strength, rules)
 
 
-def features_say(
+def _features_say(
     scene: PreparedCloud,
     graphs: list[CoarseGraph],
     labels: Labels,
@@ -104,7 +104,7 @@ def features_say(
     taught = 1.0 - trust_of(labels, rules)
     if taught < LEAST_TAUGHT:
         return likely
-    found = walks(graphs, labels, likely, strength, rules)
+    found = _walks(graphs, labels, likely, strength, rules)
     learnt = class_shares(scene, labels, rules.examples, at_points(graphs, found))
     return np.asarray((1.0 - taught) * likely + taught * learnt)
 
@@ -121,7 +121,7 @@ def trust_of(labels: Labels, rules: WalkerRules) -> float:
     return label_trust(counts[counts > 0], rules.prior_half)
 
 
-def walks(
+def _walks(
     graphs: list[CoarseGraph],
     labels: Labels,
     likely: Float[np.ndarray, 'points classes'],
