@@ -116,9 +116,11 @@ model = dict(
     fuse_iou=0.3,
     score_by_points='${score_by_points}',
     on_ground='${on_ground}',
+    score_by_height='${score_by_height}',
     tta_views='${tta_views}',
 )
 on_ground = False  # predicted boxes stand on the ground; streets have it on
+score_by_height = False  # with on_ground: scores ask how far up the points of a box reach; streets have it on
 score_by_points = False  # scores of boxes also ask the classes of their points; streets have it on
 tta_views = [[False, 0.0], [True, 0.0]]  # at test time: mirrored, turned by so many radians; None: as scanned alone
 
@@ -164,6 +166,7 @@ strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it, and axis-ali
 teacher = None  # '${predicted_boxes}': predicted boxes become pseudo boxes, in place of groups of regions by `objects`
 # Objects may hang or stand on others here; streets ask how far up they reach, and how they are shaped.
 predicted_boxes = dict(share=0.7)
+cluster_descriptor = None  # what clusters above the ground look like, beside their shapes; streets have `Semantic`
 self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing
 label_maker = dict(
     type='DetectionLabelMaker',
@@ -181,6 +184,7 @@ label_maker = dict(
     objects='${objects}',
     self_training='${self_training}',
     teacher='${teacher}',
+    cluster_descriptor='${cluster_descriptor}',
 )
 custom_hooks = [
     dict(type='EpochSeedHook'),

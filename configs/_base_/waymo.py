@@ -14,10 +14,14 @@ num_seeds = 2048
 num_proposals = 512
 tta_views = [[False, 0.0], [True, 0.0], [False, 0.35], [True, -0.35]]
 on_ground = True
+score_by_height = True
 score_by_points = True
 aug_prob = 0.25
 teacher = '${predicted_boxes}'  # predicted boxes become pseudo boxes
-predicted_boxes = dict(top=0.95, least_likeness=0.2)  # objects stand apart, high and shaped as annotated ones
+predicted_boxes = dict(
+    top=0.95, seen_height=0.85, least_likeness=0.2
+)  # objects stand apart, and are as high as they say
+cluster_descriptor = dict(type='Semantic')  # what they look like beside their shapes
 pseudo_geometry = 0.0  # pasted objects teach where a box lies
 paste_objects = 8  # annotated objects of other frames copied into each training frame
 paste_accepted = False  # True: pseudo objects of the round, too

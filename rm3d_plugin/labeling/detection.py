@@ -64,6 +64,8 @@ class DetectionLabelMaker(LabelMaker):
             segmentation.
         teacher: Fields of :class:`~rm3d_plugin.pseudo_labels.TeacherRules`, or None: groups of regions become boxes.
         default_sizes: (C, 3) metres, for classes without an annotated box.
+        cluster_descriptor: Config of a descriptor provider that tells what clusters look like beside their shapes,
+            where predicted boxes ask them (``least_likeness``); None: shapes alone.
         geometry: Further arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`: ``cache``,
             ``descriptor``, ``oversegmenter``, ``graph_neighbors``, ``max_gap``.
 
@@ -84,12 +86,14 @@ class DetectionLabelMaker(LabelMaker):
         self_training: Mapping[str, Any] | None = None,
         teacher: Mapping[str, Any] | None = None,
         default_sizes: Sequence[Sequence[float]] | None = None,
+        cluster_descriptor: Mapping[str, Any] | None = None,
         **geometry: Any,
     ) -> None:
         super().__init__(store, source)
         self.rules = _as_asked(detection_rules(strategy, merge, objects, self_training, teacher))
         self.scenes = PreparedScenes(self._cloud, lambda scene_id: None, **geometry)
         self._default_sizes = None if default_sizes is None else np.asarray(default_sizes, dtype=np.float64)
+        self._cluster_descriptor = cluster_descriptor
         self._limits: Float[np.ndarray, ' classes'] | None = None
         self._box_limits: BoxLimits | None = None
         self.forget()
@@ -252,7 +256,9 @@ class DetectionLabelMaker(LabelMaker):
 
     def _cluster_knowledge(self) -> ClusterKnowledge:
         if self._clusters is None:
-            self._clusters = ClusterKnowledge(list(self.index_of), self.scenes, self.annotated, self.mean_sizes)
+            self._clusters = ClusterKnowledge(
+                list(self.index_of), self.scenes, self.annotated, self.mean_sizes, self._cluster_descriptor
+            )
         return self._clusters
 
     def check(self, number: int, log: Log) -> None:

@@ -9,7 +9,8 @@ from rm3d_plugin.labeling import cluster_knowledge as module
 from rm3d_plugin.labeling.cluster_knowledge import ClusterKnowledge
 from rm3d_plugin.ops.ground import segment_ground
 from rm3d_plugin.pseudo_labels import AnnotatedLabels
-from rm3d_plugin.structures import Boxes3D, PointCloud
+from rm3d_plugin.registry import DESCRIPTORS
+from rm3d_plugin.structures import Boxes3D, Descriptors, PointCloud
 from rm3d_plugin.structures.point_cloud import SceneError
 
 SIZES = np.array([[4.0, 2.0, 1.5], [0.8, 0.6, 1.8]])
@@ -111,3 +112,39 @@ def test_without_boxes_nothing_is_like_anything():
     assert np.isnan(told.of('s2', segment_ground(CLOUDS['s2'].xyz)).likeness).all()
     unknown = ClusterKnowledge(['s2', 's3'], SCENES, annotated, np.full((2, 3), np.nan))
     assert len(unknown.of('s2', segment_ground(CLOUDS['s2'].xyz)).likeness) == 0
+
+
+class _Told:
+    """A descriptor that knows what each point is of: car, person, anything else; of a wall it says nothing."""
+
+    asked = 0
+
+    def compute(self, cloud):
+        _Told.asked += 1
+        x, high = cloud.xyz[:, 0], cloud.xyz[:, 2] > 0.03
+        kinds = [np.abs(x[:, None] - places).min(axis=1) < wide for places, wide in ((CARS, 3.0), (PEOPLE, 1.0))]
+        wall = np.abs(x - WALLS[0]) < 1.0
+        values = np.column_stack([kind & high for kind in kinds]).astype(np.float32)
+        values[wall] = 0.0
+        return Descriptors(values, ~wall)
+
+
+def test_a_descriptor_tells_what_clusters_look_like_beside_their_shapes(monkeypatch):
+    monkeypatch.setattr(DESCRIPTORS, 'build', lambda config: _Told())
+    told = ClusterKnowledge(list(CLOUDS), SCENES, annotated, SIZES, {'type': 'any'})
+    shaped = knowledge()
+    for scene_id, cloud in CLOUDS.items():
+        ground = segment_ground(cloud.xyz)
+        got, without = told.of(scene_id, ground), shaped.of(scene_id, ground)
+        assert np.array_equal(got.point, without.point)
+        middle = np.array([cloud.xyz[got.point == c, 0].mean() for c in range(len(got.likeness))])
+        walls = np.abs(middle - WALLS[0]) < 1.0
+        assert np.array_equal(got.likeness[walls], without.likeness[walls])  # of these shapes alone tell
+        looks = 2.0 * got.likeness - without.likeness  # the mean of both counts
+        for places, own in ((CARS, 0), (PEOPLE, 1)):
+            for place in places:
+                row = looks[np.abs(middle - place).argmin()]
+                assert row[own] > 0.5 > row[1 - own]
+    told.of('s0', segment_ground(CLOUDS['s0'].xyz))
+    assert _Told.asked == len(CLOUDS)  # each scene is described once
+    assert np.median(told.of('s0', segment_ground(CLOUDS['s0'].xyz)).annotated[:2]) == pytest.approx(1.0, abs=0.3)

@@ -11,7 +11,12 @@ GROUPS: dict[str, Any] = {'teacher': None}
 GEOMETRY: dict[str, Any] = {'pseudo_geometry': 1.0}
 MEAN_TEACHER: dict[str, Any] = {'labels_from': 'teacher', 'method_hook': '${mean_teacher}'}
 ONE_VIEW: dict[str, Any] = {'tta_views': None}
-AS_IT_COMES: dict[str, Any] = ONE_VIEW | {'score_by_points': False, 'on_ground': False, 'aug_prob': 1.0}
+AS_IT_COMES: dict[str, Any] = ONE_VIEW | {
+    'score_by_points': False,
+    'score_by_height': False,
+    'on_ground': False,
+    'aug_prob': 1.0,
+}
 MECHANISMS = Table(
     title=f'{KITTI.title}; mechanism by mechanism',
     rows=(
@@ -28,6 +33,10 @@ MECHANISMS = Table(
         Row('default, also of classes that are not recognised', LEAF, {'predicted_boxes': {'recognised': 0.0}}),
         Row('default, whatever is above them', LEAF, {'predicted_boxes': {'free_above': 0.0}}),
         Row('default, of any height', LEAF, {'predicted_boxes': {'top': 0.0}}),
+        Row('default, scores do not ask how far up points reach', LEAF, {'score_by_height': False}),
+        Row('default, however high they say they are', LEAF, {'predicted_boxes': {'seen_height': 0.0}}),
+        Row('default, the network may call anything background', LEAF, {'predicted_boxes': {'spared_likeness': 1e9}}),
+        Row('default, no descriptor tells what clusters look like', LEAF, {'cluster_descriptor': None}),
         Row('default, shapes are not asked', LEAF, {'predicted_boxes': {'least_likeness': 0.0}}),
         Row('default, never more than in the round before', LEAF, {'predicted_boxes': {'growth': 1.0}}),
         Row(

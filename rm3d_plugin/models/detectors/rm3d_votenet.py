@@ -12,7 +12,7 @@ from rm3d_plugin.models.detectors.point_features import CHANNELS, point_features
 from rm3d_plugin.models.detectors.tta_views import AS_SCANNED, TtaView, as_scanned, pool_views, seen
 from rm3d_plugin.models.heads.batch_labels import BatchLabels, join_labels
 from rm3d_plugin.models.heads.box_coder import decode_boxes
-from rm3d_plugin.models.heads.decode import Detections, class_scores, select_boxes, stand_on_ground
+from rm3d_plugin.models.heads.decode import Detections, class_scores, scored_by_height, select_boxes, stand_on_ground
 from rm3d_plugin.models.outputs import DetectorOutput
 from rm3d_plugin.models.point_model import LossConfigs, PointModel
 from rm3d_plugin.ops.grouping import gather_groups
@@ -77,6 +77,7 @@ class RM3DVoteNet(PointModel):
         score_by_points: Scores also ask P_out of the grouped points.
         on_ground: Predicted boxes stand on the ground, where the pipeline tells how high above it points are
             (``DropGround`` does): few boxes teach badly how high an object lies.
+        score_by_height: With ``on_ground``: scores are multiplied by the share of a box's height that its points reach.
         tta_views: How scenes are seen at test time, (mirrored, turn in radians) each: what is found in all of them is
             pooled, see :func:`~rm3d_plugin.models.detectors.tta_views.pool_views`. The first must be as scanned.
             Prediction takes as many times as long. None: as scanned alone.
@@ -98,6 +99,7 @@ class RM3DVoteNet(PointModel):
         max_boxes: int = 100,
         score_by_points: bool = False,
         on_ground: bool = False,
+        score_by_height: bool = False,
         tta_views: Sequence[Sequence[bool | float]] | None = None,
         data_preprocessor: dict[str, Any] | None = None,
         init_cfg: dict[str, Any] | None = None,
@@ -107,6 +109,7 @@ class RM3DVoteNet(PointModel):
         self.heights = (float(heights[0]), float(heights[1]))
         self.score_threshold, self.nms_iou, self.fuse_iou = score_threshold, nms_iou, fuse_iou
         self.max_boxes, self.score_by_points, self.on_ground = max_boxes, score_by_points, on_ground
+        self.score_by_height = score_by_height
         self.tta_views = _views(tta_views)
         channels = self.backbone.out_channels
         self.point_branch = nn.Linear(channels, num_classes + 1)
@@ -167,6 +170,8 @@ class RM3DVoteNet(PointModel):
                 found = pool_views([view.boxes[i] for view in views], self.nms_iou, self.fuse_iou, self.max_boxes)
             if self.on_ground and 'pts_height' in sample:
                 found = stand_on_ground(found, places[i], sample.pts_height)
+                if self.score_by_height:
+                    found = scored_by_height(found, places[i], sample.pts_height)
             sample.pred_bboxes_3d, sample.pred_labels_3d, sample.pred_scores_3d = found
         if self.predict_points:
             probs = torch.stack([view.probs for view in views]).mean(dim=0).split(batch.sizes)

@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from rm3d_plugin.models.heads.box_coder import BoxPrediction
-from rm3d_plugin.ops.boxes import nms_bev, rotated_iou_bev
+from rm3d_plugin.ops.box_reach import box_reach
+from rm3d_plugin.ops.boxes import nms_bev, points_in_boxes, rotated_iou_bev
 
 
 class Detections(NamedTuple):
@@ -116,3 +117,24 @@ def stand_on_ground(found: Detections, xyz: Float[Tensor, 'points 3'], height: F
     nearest = torch.cdist(boxes[:, :2], xyz[:, :2], compute_mode='donot_use_mm_for_euclid_dist').argmin(dim=1)
     boxes[:, 2] = xyz[nearest, 2] - height[nearest] + boxes[:, 5] / 2
     return found._replace(boxes=boxes)
+
+
+def scored_by_height(found: Detections, xyz: Float[Tensor, 'points 3'], height: Float[Tensor, ' points']) -> Detections:
+    """Scores times the share of its height that the points of a box reach above the ground, best first again.
+
+    A box that claims more than is there is around something lower. What is higher by less than the widest gap in height
+    between two of its points may have been missed (:func:`~rm3d_plugin.ops.box_reach.box_reach`).
+
+    Args:
+        found: Boxes of one scene that stand on the ground.
+        xyz: Its points above the ground, metres.
+        height: Metres of the points above the ground.
+    """
+    boxes, places, up = (part.double().cpu().numpy() for part in (found.boxes, xyz, height))
+    share = np.zeros(len(boxes))
+    for row in range(len(boxes)):
+        reach = box_reach(up, points_in_boxes(places, boxes[row : row + 1]), 1)
+        share[row] = (reach.top + reach.gap)[0] / max(boxes[row, 5], 1e-6)
+    scores = found.scores * torch.from_numpy(share.clip(0.0, 1.0)).to(found.scores)
+    order = torch.argsort(scores, descending=True, stable=True)
+    return Detections(found.boxes[order], found.labels[order], scores[order])

@@ -1,9 +1,11 @@
 """Clusters of points above the ground: objects that need no network to be told apart, and what they look like.
 
 On streets objects stand apart. What is not ground falls into clusters, most hidden objects are one of them, and how a
-cluster is shaped says much of what it is, whatever a network has learnt.
+cluster is shaped, and what a learned descriptor says of its points, tells much of what it is, whatever a network has
+learnt of this run's few boxes.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +13,11 @@ from jaxtyping import Bool, Float, Int
 
 from rm3d_plugin.ops.boxes import points_in_boxes
 from rm3d_plugin.ops.clustering import ball_clusters
-from rm3d_plugin.ops.segment import segment_mean
+from rm3d_plugin.ops.segment import segment_mean, segment_sizes
 from rm3d_plugin.pseudo_labels.common.density_ratio import DensityRatio, fit_density_ratio
 from rm3d_plugin.pseudo_labels.common.kernel_classifier import scaling_of
 from rm3d_plugin.pseudo_labels.detection.instances import PredictedInstances
-from rm3d_plugin.structures import Boxes3D, PointCloud
+from rm3d_plugin.structures import Boxes3D, Descriptors, PointCloud
 
 LINK = 0.5  # of the narrowest class's width: points nearer than this to one another are of one cluster
 TALLEST = 1.5  # of the highest class's height: points higher than this above the ground are of no cluster
@@ -38,6 +40,10 @@ class ObjectClusters(NamedTuple):
     point: Int[np.ndarray, ' points']
     likeness: Float[np.ndarray, 'clusters classes']
     annotated: Float[np.ndarray, ' boxes']
+
+    def points_of(self, chosen: Bool[np.ndarray, ' clusters']) -> Bool[np.ndarray, ' points']:
+        """The points of some of the clusters."""
+        return np.asarray(np.append(chosen, False)[self.point], dtype=bool)
 
 
 def object_clusters(
@@ -106,6 +112,34 @@ def _shape(xyz: np.ndarray, height: np.ndarray, beside: np.ndarray, reach: float
     return np.concatenate([values, *parts])
 
 
+def described(
+    descriptors: Descriptors, owner: Int[np.ndarray, ' points'], count: int
+) -> Float[np.ndarray, 'clusters features']:
+    """Mean descriptor of the points of each cluster; NaN for one without a described point.
+
+    Args:
+        descriptors: Of all points.
+        owner: Cluster of each point, -1 = none.
+        count: Clusters.
+    """
+    inside = np.flatnonzero((owner >= 0) & descriptors.valid)
+    means = segment_mean(descriptors.select(inside).values, owner[inside], count)
+    means[segment_sizes(owner[inside], count) == 0] = np.nan
+    return means
+
+
+def known_mean(parts: Sequence[Float[np.ndarray, '*shape']]) -> Float[np.ndarray, '*shape']:
+    """Of several likenesses of the same things, element by element; those that say nothing (NaN) are left out.
+
+    >>> known_mean([np.array([4.0, 4.0, np.nan]), np.array([1.0, np.nan, np.nan])])
+    array([2.5, 4. , nan])
+    """
+    stacked = np.stack(parts)
+    told = ~np.isnan(stacked)
+    sums = np.where(told, stacked, 0.0).sum(axis=0)
+    return np.asarray(np.where(told.any(axis=0), sums / np.maximum(told.sum(axis=0), 1), np.nan))
+
+
 def named_clusters(clusters: ObjectClusters, probabilities: Float[np.ndarray, 'points classes']) -> PredictedInstances:
     """Each cluster as an instance of the class that is likeliest by the network and by its shape together.
 
@@ -132,6 +166,11 @@ def unlike_clusters(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, 
     return np.asarray((clusters.likeness < least).all(axis=1), dtype=bool)
 
 
+def like_clusters(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, ' clusters']:
+    """Clusters that are so like the annotated objects of some class, see :attr:`TeacherRules.spared_likeness`."""
+    return np.asarray((clusters.likeness >= least).any(axis=1), dtype=bool)
+
+
 def has_shape_of_object(
     clusters: ObjectClusters, xyz: Float[np.ndarray, 'points 3'], boxes: Boxes3D, least: float
 ) -> Bool[np.ndarray, ' boxes']:
@@ -139,13 +178,21 @@ def has_shape_of_object(
 
     A box without points of any cluster is not, as far as :func:`unlike_clusters` can tell at all.
     """
-    unlike, inside = unlike_clusters(clusters, least), clusters.point >= 0
-    out = np.full(len(boxes), bool(np.isnan(clusters.likeness).any()))
+    without = bool(np.isnan(clusters.likeness).any())
+    return np.append(~unlike_clusters(clusters, least), without)[cluster_of_boxes(clusters, xyz, boxes)]
+
+
+def cluster_of_boxes(
+    clusters: ObjectClusters, xyz: Float[np.ndarray, 'points 3'], boxes: Boxes3D
+) -> Int[np.ndarray, ' boxes']:
+    """The cluster with the most points in each box; -1: it has a point of none."""
+    inside = clusters.point >= 0
     xyz, point = xyz[inside], clusters.point[inside]
+    out = np.full(len(boxes), -1, dtype=np.int64)
     for row in range(len(boxes)):
         own = point[points_in_boxes(xyz, boxes.tensor[row : row + 1]) >= 0]
         if len(own):
-            out[row] = not unlike[np.bincount(own).argmax()]
+            out[row] = np.bincount(own).argmax()
     return out
 
 
@@ -166,7 +213,7 @@ class Likeness(NamedTuple):
         return all(ratio is not None for ratio in self.ratios)
 
     def of(self, rows: Float[np.ndarray, 'clusters features']) -> Float[np.ndarray, 'clusters classes']:
-        """Likeness of rows of :func:`shapes` to each class; NaN for one without a ratio."""
+        """Likeness of rows to each class; NaN for a class without a ratio, and for a row of NaN."""
         out = np.full((len(rows), len(self.ratios)), np.nan)
         for c, ratio in enumerate(self.ratios):
             if ratio is not None and len(rows):
@@ -186,9 +233,9 @@ def fit_likeness(
     """Learn from annotated objects and clusters of which nothing is known; also the likeness of objects left out.
 
     Args:
-        annotated: Rows of :func:`shapes`.
+        annotated: What the annotated objects look like: rows of :func:`shapes` or :func:`described`.
         labels: Classes of the annotated objects.
-        clusters: Rows of :func:`shapes`; without any nothing is learnt.
+        clusters: The same of clusters; without any nothing is learnt.
         classes: C.
     """
     usual, left_out = np.ones(classes), np.zeros(len(labels))

@@ -31,6 +31,7 @@ from rm3d_plugin.pseudo_labels.detection.boxes import (
 from rm3d_plugin.pseudo_labels.detection.clusters import (
     ObjectClusters,
     has_shape_of_object,
+    like_clusters,
     named_clusters,
     unlike_clusters,
 )
@@ -235,14 +236,14 @@ def _objects_of_teacher(
     if rules.teacher.refit:
         objects = _refitted(objects, _object_context(scene, knowledge, rules.objects), empty.surely)
     free = (objects.point_box < 0) & ~objects.rejected & (annotation.seeds < 0)
-    nothing_there = empty.surely | found.empty
+    nothing_there, spared = empty.surely | found.empty, np.zeros(len(free), dtype=bool)
     if rules.teacher.least_likeness:
         clusters = _clusters(knowledge, 'least_likeness')
-        unlike = unlike_clusters(clusters, rules.teacher.least_likeness)
-        nothing_there |= np.append(unlike, False)[clusters.point]
+        nothing_there |= clusters.points_of(unlike_clusters(clusters, rules.teacher.least_likeness))
+        spared = clusters.points_of(like_clusters(clusters, rules.teacher.spared_likeness))
     empty_points = (nothing_there & (objects.point_box < 0)) | (empty.large & free)
     if sure is not None and scene.probabilities is not None:
-        empty_points |= free & (np.nan_to_num(scene.probabilities[:, background]) >= sure)
+        empty_points |= free & ~spared & (np.nan_to_num(scene.probabilities[:, background]) >= sure)
     nothing = LabelAssembly(np.full(len(scene.xyz), UNLABELLED), np.zeros(len(scene.xyz), dtype=np.float32))
     return objects, nothing.overlay(empty_points, background, BACKGROUND_CONFIDENCE)
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rm3d_plugin.ops.box_reach import BoxReach, box_reach
 from rm3d_plugin.ops.boxes import points_in_boxes, rotated_iou_bev
 from rm3d_plugin.pseudo_labels.detection.boxes import has_usual_size, suppress
 from rm3d_plugin.pseudo_labels.detection.objects import Objects
@@ -19,7 +20,7 @@ from rm3d_plugin.pseudo_labels.detection.rules import TeacherRules
 from rm3d_plugin.structures import Boxes3D
 
 IGNORED_MARGIN = 0.2  # m around a doubtful box in which nothing is said
-ABOVE = 1.0  # m over a box, where the points of a pole, a trunk or a bush go on
+ABOVE = 1.0  # m over the tallest object of a class, where the points of a pole, a trunk or a bush go on
 FOUND_IOU = 0.25  # overlap from above from which a predicted box is that of an annotated object
 
 
@@ -106,47 +107,20 @@ def teacher_candidates(
     alone = suppress(boxes, boxes.scores, annotated, rules.max_iou) == np.arange(len(boxes))
     boxes = left(boxes, alone, 'collision')
     boxes = left(boxes, _points_of(xyz[~background], boxes.tensor) >= rules.min_points, 'points')
-    held, above = (_points_of(*of) for of in ((xyz[~background], boxes.tensor), (xyz, boxes_above(boxes.tensor))))
+    over = boxes_above(boxes.tensor, ranges[boxes.labels, 1, 2] / (rules.top or 1.0))
+    held, above = (_points_of(*of) for of in ((xyz[~background], boxes.tensor), (xyz, over)))
     boxes = left(boxes, held >= rules.free_above * (held + above), 'above')
     if height is None or not rules.top:
         return Candidates(boxes, np.zeros(len(xyz), dtype=bool), steps, shown)
     owner = points_in_boxes(xyz, boxes.tensor)
-    low, high = wrong_heights(box_reach(height, owner, len(boxes)), ranges[:, :, 2], rules.top)
+    reach = box_reach(height, owner, len(boxes))
+    low, high = wrong_heights(reach, ranges[:, :, 2], rules.top)
     nothing = (low | high).all(axis=0) & np.isfinite(ranges).all()  # it has the height of no class, and all are known
     own = boxes.labels, np.arange(len(boxes))
-    boxes = left(boxes, ~low[own], 'low')
-    boxes = left(boxes, ~high[own][~low[own]], 'high')
+    shown_high = reach.top + reach.gap >= rules.seen_height * boxes.tensor[:, 5]
+    boxes = left(boxes, shown_high, 'low')
+    boxes = left(boxes, ~high[own][shown_high], 'high')
     return Candidates(boxes, (owner >= 0) & np.append(nothing, False)[owner], steps, shown)
-
-
-class BoxReach(NamedTuple):
-    """How far up the points of boxes reach.
-
-    Attributes:
-        top: (M,) metres above the ground of the highest point, minus infinity without any.
-        gap: (M,) metres, the widest gap between two points in height, those of the ground among them: what is higher by
-            less may have been missed.
-    """
-
-    top: Float[np.ndarray, ' boxes']
-    gap: Float[np.ndarray, ' boxes']
-
-
-def box_reach(height: Float[np.ndarray, ' points'], owner: Int[np.ndarray, ' points'], count: int) -> BoxReach:
-    """How far up the points of each box reach.
-
-    Args:
-        height: Metres above the ground.
-        owner: Box of each point, -1 = none.
-        count: Boxes.
-    """
-    order = np.lexsort((height, owner))
-    order = order[owner[order] >= 0]
-    of, up = owner[order], np.asarray(height, dtype=np.float64)[order]
-    top, gap = np.full(count, -np.inf), np.zeros(count)
-    np.maximum.at(top, of, up)
-    np.maximum.at(gap, of[1:], np.where(of[1:] == of[:-1], np.diff(up), 0.0))
-    return BoxReach(top, gap)
 
 
 def wrong_heights(
@@ -163,10 +137,12 @@ def wrong_heights(
     return ~(reach.top + reach.gap >= share * least), reach.top > greatest / share
 
 
-def boxes_above(boxes: Float[np.ndarray, 'boxes 7'], height: float = ABOVE) -> Float[np.ndarray, 'boxes 7']:
-    """Boxes of so many metres that stand on the given ones."""
+def boxes_above(
+    boxes: Float[np.ndarray, 'boxes 7'], tallest: Float[np.ndarray, ' boxes'], height: float = ABOVE
+) -> Float[np.ndarray, 'boxes 7']:
+    """Boxes of so many metres over the given ones, and over the tallest object of their class in the same place."""
     above = boxes.copy()
-    above[:, 2] += (boxes[:, 5] + height) / 2
+    above[:, 2] += np.maximum(tallest, boxes[:, 5]) - (boxes[:, 5] - height) / 2
     above[:, 5] = height
     return above
 

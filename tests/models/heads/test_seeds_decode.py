@@ -1,8 +1,16 @@
 import numpy as np
+import pytest
 import torch
 
 from rm3d_plugin.models.heads.box_coder import BoxPrediction, decode_boxes
-from rm3d_plugin.models.heads.decode import Detections, class_scores, fuse_boxes, select_boxes, stand_on_ground
+from rm3d_plugin.models.heads.decode import (
+    Detections,
+    class_scores,
+    fuse_boxes,
+    scored_by_height,
+    select_boxes,
+    stand_on_ground,
+)
 from rm3d_plugin.models.heads.seeds import choose_seeds
 
 
@@ -86,3 +94,15 @@ def test_boxes_stand_on_the_ground_below_their_nearest_point():
     assert torch.allclose(got.boxes[:, 2], torch.tensor([1.0 + 0.75, 2.0 + 0.9]))
     assert torch.equal(got.boxes[:, [0, 1, 3, 4, 5, 6]], boxes[:, [0, 1, 3, 4, 5, 6]]) and float(boxes[0, 2]) == 9.0
     assert stand_on_ground(found, xyz[:0], height[:0]) is found
+
+
+def test_scores_ask_how_far_up_the_points_of_a_box_reach():
+    """A box of 1.8 m around points up to .9 m and one full of points; of gaps the widest may hide the top."""
+    low, full = [0.3, 0.6, 0.9], [0.2, 0.6, 1.0, 1.6]
+    xyz = torch.tensor([[0.0, 0.0, z] for z in low] + [[5.0, 0.0, z] for z in full])
+    boxes = torch.tensor([[x, 0.0, 0.9, 1.0, 1.0, 1.8, 0.0] for x in (0.0, 5.0, 9.0)])
+    found = Detections(boxes, torch.tensor([1, 0, 2]), torch.tensor([0.9, 0.8, 0.7]))
+    got = scored_by_height(found, xyz, xyz[:, 2])
+    assert got.labels.tolist() == [0, 1, 2] and got.boxes[:, 0].tolist() == [5.0, 0.0, 9.0]  # best first again
+    assert got.scores.tolist() == pytest.approx([0.8, 0.9 * (0.9 + 0.3) / 1.8, 0.0])  # the last holds nothing
+    assert len(scored_by_height(Detections(boxes[:0], found.labels[:0], found.scores[:0]), xyz, xyz[:, 2]).scores) == 0

@@ -7,14 +7,17 @@ from rm3d_plugin.pseudo_labels.detection.clusters import (
     LEAST,
     SLABS,
     ObjectClusters,
+    described,
     fit_likeness,
     has_shape_of_object,
+    known_mean,
+    like_clusters,
     named_clusters,
     object_clusters,
     shapes,
     unlike_clusters,
 )
-from rm3d_plugin.structures import Boxes3D, PointCloud
+from rm3d_plugin.structures import Boxes3D, Descriptors, PointCloud
 
 SIZES = np.array([[4.0, 2.0, 1.5], [0.8, 0.6, 1.8], [np.nan] * 3])
 
@@ -100,6 +103,21 @@ POINT = np.array([0, 0, 0, 1, 1, -1, 2])
 CLUSTERS = ObjectClusters(POINT, np.array([[2.0, 0.1], [0.5, 0.4], [0.1, 0.2]]), np.zeros(0))
 
 
+def test_what_descriptors_say_of_clusters():
+    values = np.array([[1.0, 0], [3, 2], [5, 5], [0, 0], [7, 7]], dtype=np.float32)
+    descriptors = Descriptors(values, np.array([True, True, True, False, True]))
+    got = described(descriptors, np.array([0, 0, 2, 1, -1]), 4)
+    assert got[[0, 2]].tolist() == [[2.0, 1.0], [5.0, 5.0]]
+    assert np.isnan(got[[1, 3]]).all()  # not described, and without a point
+    picked = descriptors.select(np.array([2, 0]))
+    assert described(picked, np.zeros(2, dtype=int), 1).tolist() == [[3.0, 2.5]]
+
+
+def test_likenesses_are_pooled_where_they_are_known():
+    got = known_mean([np.array([[4.0, 4.0], [np.nan, 0.0]]), np.array([[1.0, np.nan], [np.nan, 3.0]])])
+    assert got[0].tolist() == [2.5, 4.0] and got[1, 1] == 1.5 and np.isnan(got[1, 0])
+
+
 def test_clusters_are_named_by_network_and_shape():
     rows = np.array([[0.6, 0.4, 0.0]] * 3 + [[0.2, 0.6, 0.2], [np.nan] * 3, [1.0, 0, 0], [0.0, 0.0, 1.0]])
     got = named_clusters(CLUSTERS, rows)
@@ -117,6 +135,14 @@ def test_clusters_like_no_class():
     assert not unlike_clusters(CLUSTERS._replace(likeness=unknown), 1.0).any()
     assert named_clusters(CLUSTERS._replace(likeness=unknown), np.full((7, 3), 0.5)).labels.tolist() == [0, 0, 0]
     assert len(unlike_clusters(ObjectClusters(np.full(3, -1), np.zeros((0, 2)), np.zeros(0)), 1.0)) == 0
+
+
+def test_clusters_like_a_class_and_their_points():
+    like = like_clusters(CLUSTERS, 0.5)
+    assert like.tolist() == [True, True, False] and like_clusters(CLUSTERS, 0.6).tolist() == [True, False, False]
+    assert CLUSTERS.points_of(like).tolist() == [True, True, True, True, True, False, False]
+    unknown = CLUSTERS._replace(likeness=CLUSTERS.likeness * [1.0, np.nan])
+    assert like_clusters(unknown, 0.5).tolist() == [True, True, False]  # by the class that is known
 
 
 def test_a_box_has_the_shape_of_the_cluster_of_most_of_its_points():

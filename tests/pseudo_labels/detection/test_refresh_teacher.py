@@ -68,7 +68,7 @@ def test_labels_by_hand():
 def test_what_is_too_low_for_any_object_is_background():
     inputs = scene()
     inputs.geometry.cloud.xyz[27:36, 2] *= 0.5  # what the box at 40 holds ends at .73 m
-    got = refresh(inputs)
+    got = refresh(inputs, seen_height=0.85)
     assert got.labels.semantic.tolist() == [0] * 27 + [1] * 17 and got.steps['low'].tolist() == [1]
     assert (refresh(inputs, top=0.0).labels.semantic[27:36] == -1).all()
 
@@ -115,6 +115,22 @@ def test_what_has_no_shape_of_a_class_is_background():
     assert got.labels.semantic.tolist() == [0] * 18 + [1] * 9 + [-1] * 9 + [1] * 8
     unasked = refresh(scene(), clusters=clusters_of_cars(0.9, 0.2, 0.5)).labels
     assert unasked.boxes.tensor[:, 0].tolist() == [10.0, 20.0, 30.0]
+
+
+def test_the_network_makes_no_background_of_what_looks_like_an_object():
+    """It is sure that the last two cars are background; the last is not like the annotated one."""
+    inputs = scene(scores=(0.9, 0.0, 0.0))
+    rows = inputs.prediction.probabilities.copy()
+    rows[18:36] = [0.01, 0.99]
+    inputs = replace(inputs, prediction=PointPrediction(rows, None, inputs.prediction.boxes))
+    alone = refresh(inputs, clusters=clusters_of_cars(0.9, 0.7, 0.4)).labels
+    assert alone.semantic[18:36].tolist() == [1] * 18  # where clusters are not asked the network is believed
+    asked = refresh(inputs, clusters=clusters_of_cars(0.9, 0.7, 0.4), least_likeness=0.3).labels
+    assert asked.semantic[18:36].tolist() == [-1] * 9 + [1] * 9 and asked.semantic[36:].tolist() == [1] * 8
+    all_spared = refresh(inputs, clusters=clusters_of_cars(0.9, 0.7, 0.4), least_likeness=0.3, spared_likeness=0.35)
+    assert all_spared.labels.semantic[18:36].tolist() == [-1] * 18
+    with pytest.raises(ValueError, match=r'spared_likeness: expected at least least_likeness, 0.6'):
+        refresh(inputs, least_likeness=0.6)
 
 
 def test_shapes_make_background_before_any_network_is_asked():

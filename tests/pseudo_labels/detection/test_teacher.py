@@ -10,7 +10,7 @@ from rm3d_plugin.pseudo_labels.detection.teacher import (
     Shown,
     ask_annotated,
     box_limits,
-    box_reach,
+    boxes_above,
     expected_from_whole,
     joined_shown,
     lower_mean,
@@ -86,24 +86,6 @@ def test_an_object_ends_with_its_box():
     assert len(free.boxes) == 3
 
 
-def slow_reach(height, owner, count):
-    tops, gaps = [], []
-    for box in range(count):
-        own = sorted(h for h, o in zip(height, owner, strict=True) if o == box)
-        tops.append(own[-1] if own else -np.inf)
-        gaps.append(max((b - a for a, b in zip(own[:-1], own[1:], strict=True)), default=0.0))
-    return tops, gaps
-
-
-@pytest.mark.parametrize('seed', range(4))
-def test_how_far_up_points_reach(seed):
-    rng = np.random.default_rng(seed)
-    owner, height = rng.integers(-1, 5, 30), rng.uniform(-0.2, 2.0, 30).astype(np.float32)
-    tops, gaps = slow_reach(height, owner, 6)
-    got = box_reach(height, owner, 6)
-    assert got.top.tolist() == pytest.approx(tops) and got.gap.tolist() == pytest.approx(gaps)
-
-
 def test_what_has_no_height_of_a_class_is_background():
     """Boxes of a pedestrian's size: a person, a bollard, something as high as a car, few beams, and a pole."""
     tops = (1.75, 1.0, 1.5, 1.3, 2.0)  # metres that the points of each reach; their gaps are .1 m, of the fourth .55
@@ -113,13 +95,31 @@ def test_what_has_no_height_of_a_class_is_background():
     owner = np.repeat(np.arange(5), [len(z) for z in rows])
     nowhere, nothing = np.zeros(len(xyz), dtype=bool), Boxes3D.empty()
     given = (xyz, nowhere, boxes(people, [1] * 5, [0.9] * 5), NOTHING, nothing, SIZES)
-    got = teacher_candidates(*given, TeacherRules(min_points=3, top=0.95), xyz[:, 2])
-    assert got.boxes.tensor[:, 0].tolist() == [10.0, 40.0]
+    got = teacher_candidates(*given, TeacherRules(min_points=3, top=0.95, seen_height=0.85), xyz[:, 2])
+    assert got.boxes.tensor[:, 0].tolist() == [10.0, 40.0]  # each says that it is 2 m high
     assert got.steps['low'].tolist() == [0, 2] and got.steps['high'].tolist() == [0, 1]
     assert got.empty.tolist() == np.isin(owner, [1, 4]).tolist()  # a car might be as high as the third
+    lower = teacher_candidates(*given, TeacherRules(min_points=3, top=0.95), xyz[:, 2])  # nobody asks what they say
+    assert lower.boxes.tensor[:, 0].tolist() == [10.0, 20.0, 30.0, 40.0] and lower.empty.tolist() == got.empty.tolist()
     for rules, height in ((TeacherRules(min_points=3, top=0.0), xyz[:, 2]), (TeacherRules(min_points=3), None)):
         unasked = teacher_candidates(*given, rules, height)
         assert len(unasked.boxes) == 5 and not unasked.empty.any() and not np.any(unasked.steps.get('low', 0))
+
+
+def test_what_is_above_starts_over_the_tallest_of_the_class():
+    """Boxes that are predicted too low: a car whose roof is over its box, and one with a crown of leaves above."""
+    rows = np.array([[10.0, 0, 0.6, 4.0, 2.0, 1.2, 0.0], [20.0, 0, 0.6, 4.0, 2.0, 1.2, 0.0]])
+    above = boxes_above(rows, np.array([1.6, 1.1]))
+    assert (above[:, 2] - above[:, 5] / 2).tolist() == pytest.approx([1.6, 1.2])  # never within the box itself
+    assert (
+        above[:, 5].tolist() == [1.0, 1.0] and above[:, [0, 1, 3, 4, 6]].tolist() == rows[:, [0, 1, 3, 4, 6]].tolist()
+    )
+    roof = [[10.0, 0.0, z] for z in (0.3, 0.6, 0.9, 1.1, 1.3, 1.4)]
+    leaves = [[20.0, 0.0, z] for z in (0.3, 0.6, 0.9, 1.1, 2.0, 2.2)]
+    xyz, nothing = np.array(roof + leaves), Boxes3D.empty()
+    given = (xyz, np.zeros(12, dtype=bool), boxes(rows, [0, 0], [0.9, 0.8]), NOTHING, nothing, SIZES)
+    got = teacher_candidates(*given, TeacherRules(min_points=3, top=0.95, size_ratio=2.0))
+    assert got.boxes.tensor[:, 0].tolist() == [10.0] and got.steps['above'].tolist() == [1, 0]
 
 
 def test_a_box_around_what_is_shaped_otherwise_does_not_pass():
