@@ -164,7 +164,7 @@ budget_seed = '${seed}'  # a leaf says `budget`: docs/label_budgets.md
 graph_neighbors = 8
 strategy = 'default'  # 'paper': `merge` alone, as METHOD 6 has it, and axis-aligned boxes
 teacher = None  # '${predicted_boxes}': predicted boxes become pseudo boxes, in place of groups of regions by `objects`
-# Objects may hang or stand on others here; streets ask how far up they reach, and how they are shaped.
+# Objects may hang or stand on others here; streets ask how far up they reach, and what they look like.
 predicted_boxes = dict(share=0.7)
 cluster_descriptor = None  # what clusters above the ground look like, beside their shapes; streets have `Semantic`
 self_training = dict()  # self_training.cbst_fraction=.2, say; its defaults limit and check nothing

@@ -15,10 +15,9 @@ score_by_height = True
 score_by_points = True
 aug_prob = 0.25
 teacher = '${predicted_boxes}'  # predicted boxes become pseudo boxes
-predicted_boxes = dict(
-    top=0.95, seen_height=0.85, least_likeness=0.2
-)  # objects stand apart, and are as high as they say
-cluster_descriptor = dict(type='Semantic')  # what they look like beside their shapes
+# Objects stand apart, are as high as their boxes say, and look like annotated ones.
+predicted_boxes = dict(top=0.95, seen_height=0.85, least_likeness=0.1)
+cluster_descriptor = dict(type='Semantic')  # what they look like, beside their shapes
 pseudo_geometry = 0.0  # pasted objects teach where a box lies
 paste_objects = 8  # annotated objects of other frames copied into each training frame
 paste_accepted = False  # True: pseudo objects of the round, too

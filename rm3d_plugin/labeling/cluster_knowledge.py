@@ -82,7 +82,8 @@ class ClusterKnowledge:
     @property
     def of_every_class(self) -> bool:
         """Whether annotated objects tell of every class what its objects look like."""
-        return all(likeness.of_every_class for likeness in self._fitted.likeness)
+        told = [[ratio is not None for ratio in likeness.ratios] for likeness in self._fitted.likeness]
+        return bool(np.any(told, axis=0).all())
 
     def of(self, scene_id: str, ground: GroundResult) -> ObjectClusters:
         """Clusters of a scene.
@@ -154,7 +155,7 @@ def _fit(
     known = clusters[np.isfinite(clusters).all(axis=1)]
     likeness, left_out = fit_likeness(objects[told], labels[told], known, classes)
     out = np.full(len(objects), np.nan)
-    out[told] = left_out
+    out[told] = np.where([likeness.ratios[label] is None for label in labels[told]], np.nan, left_out)
     return likeness, out
 
 

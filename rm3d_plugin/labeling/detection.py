@@ -65,7 +65,7 @@ class DetectionLabelMaker(LabelMaker):
         teacher: Fields of :class:`~rm3d_plugin.pseudo_labels.TeacherRules`, or None: groups of regions become boxes.
         default_sizes: (C, 3) metres, for classes without an annotated box.
         cluster_descriptor: Config of a descriptor provider that tells what clusters look like beside their shapes,
-            where predicted boxes ask them (``least_likeness``); None: shapes alone.
+            where predicted boxes ask that (``least_likeness``, ``source='clusters'``); None: shapes alone.
         geometry: Further arguments of :class:`~rm3d_plugin.labeling.prepared_scenes.PreparedScenes`: ``cache``,
             ``descriptor``, ``oversegmenter``, ``graph_neighbors``, ``max_gap``.
 
@@ -149,11 +149,11 @@ class DetectionLabelMaker(LabelMaker):
         return self._class_counts
 
     def statistics(self) -> LabelStatistics:
-        """Counts and sizes of the annotated boxes, and whether network or shapes judged the places in the labels."""
+        """Counts and sizes of the annotated boxes, and whether network or looks judged the places in the labels."""
         sizes = self.mean_sizes if np.isfinite(self.mean_sizes).all() else None
         teacher, judged = self.rules.teacher, False
         if teacher is not None and teacher.ignore_unknown:
-            judged = bool(self.store.current_round()) or self._shapes_tell()
+            judged = bool(self.store.current_round()) or self._looks_tell()
         return LabelStatistics(self.class_counts, sizes, judged)
 
     # ------------------------------------------------------------------ labels
@@ -244,8 +244,8 @@ class DetectionLabelMaker(LabelMaker):
         clusters = self._cluster_knowledge().of(scene_id, ground) if self._uses_clusters else None
         return ObjectKnowledge(self.mean_sizes, ground.height, *limits, self.size_ranges, clusters)
 
-    def _shapes_tell(self) -> bool:
-        """Whether shapes are asked and known of every class."""
+    def _looks_tell(self) -> bool:
+        """Whether looks are asked and known of every class."""
         teacher = self.rules.teacher
         return teacher is not None and teacher.least_likeness > 0 and self._cluster_knowledge().of_every_class
 
@@ -262,11 +262,11 @@ class DetectionLabelMaker(LabelMaker):
         return self._clusters
 
     def check(self, number: int, log: Log) -> None:
-        """Nothing is kept aside; the log tells where shapes cannot be asked."""
+        """Nothing is kept aside; the log tells where looks cannot be asked."""
         teacher = self.rules.teacher
-        if number == 0 and teacher is not None and teacher.least_likeness > 0 and not self._shapes_tell():
+        if number == 0 and teacher is not None and teacher.least_likeness > 0 and not self._looks_tell():
             log(
-                'predicted_boxes.least_likeness: shapes tell nothing of background here, since not every class has two '
+                'predicted_boxes.least_likeness: looks tell nothing of background here, since not every class has two '
                 'annotated boxes with points'
             )
 

@@ -11,26 +11,30 @@ class BoxReach(NamedTuple):
 
     Attributes:
         top: (M,) metres above the ground of the highest point, minus infinity without any.
-        gap: (M,) metres, the widest gap between two points in height, those of the ground among them: what is higher by
-            less may have been missed.
+        gap: (M,) metres, the widest gap in height between two points, or between the lowest and the ground: what is
+            higher by less may have been missed.
     """
 
     top: Float[np.ndarray, ' boxes']
     gap: Float[np.ndarray, ' boxes']
 
 
-def box_reach(height: Float[np.ndarray, ' points'], owner: Int[np.ndarray, ' points'], count: int) -> BoxReach:
+def box_reach(
+    height: Float[np.ndarray, ' points'], owner: Int[np.ndarray, ' points'], count: int, ground: float = 0.0
+) -> BoxReach:
     """How far up the points of each box reach.
 
     Args:
         height: Metres above the ground.
         owner: Box of each point, -1 = none.
         count: Boxes.
+        ground: Metres up to which points may have been taken away as ground.
     """
-    order = np.lexsort((height, owner))
-    order = order[owner[order] >= 0]
+    own = np.flatnonzero(owner >= 0)
+    order = own[np.lexsort((height[own], owner[own]))]
     of, up = owner[order], np.asarray(height, dtype=np.float64)[order]
     top, gap = np.full(count, -np.inf), np.zeros(count)
     np.maximum.at(top, of, up)
-    np.maximum.at(gap, of[1:], np.where(of[1:] == of[:-1], np.diff(up), 0.0))
+    first = np.append(True, of[1:] != of[:-1])[: len(of)]
+    np.maximum.at(gap, of, np.where(first, up - ground, np.diff(up, prepend=0.0)))
     return BoxReach(top, gap)

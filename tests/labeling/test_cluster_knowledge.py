@@ -148,3 +148,21 @@ def test_a_descriptor_tells_what_clusters_look_like_beside_their_shapes(monkeypa
     told.of('s0', segment_ground(CLOUDS['s0'].xyz))
     assert _Told.asked == len(CLOUDS)  # each scene is described once
     assert np.median(told.of('s0', segment_ground(CLOUDS['s0'].xyz)).annotated[:2]) == pytest.approx(1.0, abs=0.3)
+
+
+class _Mute(_Told):
+    """Of cars it says nothing."""
+
+    def compute(self, cloud):
+        told = super().compute(cloud)
+        near = np.abs(cloud.xyz[:, 0, None] - CARS).min(axis=1) < 3.5
+        return Descriptors(np.where(near[:, None], 0.0, told.source).astype(np.float32), told.valid & ~near)
+
+
+def test_where_a_descriptor_says_nothing_of_a_class_shapes_alone_tell(monkeypatch):
+    monkeypatch.setattr(DESCRIPTORS, 'build', lambda config: _Mute())
+    told, shaped = ClusterKnowledge(list(CLOUDS), SCENES, annotated, SIZES, {'type': 'any'}), knowledge()
+    ground = segment_ground(CLOUDS['s0'].xyz)
+    got, without = told.of('s0', ground), shaped.of('s0', ground)
+    assert told.of_every_class and np.array_equal(got.likeness[:, 0], without.likeness[:, 0])
+    assert got.annotated[:2].tolist() == without.annotated[:2].tolist()

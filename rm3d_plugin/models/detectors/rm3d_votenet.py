@@ -109,6 +109,10 @@ class RM3DVoteNet(PointModel):
         self.heights = (float(heights[0]), float(heights[1]))
         self.score_threshold, self.nms_iou, self.fuse_iou = score_threshold, nms_iou, fuse_iou
         self.max_boxes, self.score_by_points, self.on_ground = max_boxes, score_by_points, on_ground
+        if score_by_height and not on_ground:
+            raise ValueError(
+                'RM3DVoteNet.score_by_height: asks boxes that stand on the ground; set on_ground=True, too'
+            )
         self.score_by_height = score_by_height
         self.tta_views = _views(tta_views)
         channels = self.backbone.out_channels

@@ -123,18 +123,21 @@ def scored_by_height(found: Detections, xyz: Float[Tensor, 'points 3'], height: 
     """Scores times the share of its height that the points of a box reach above the ground, best first again.
 
     A box that claims more than is there is around something lower. What is higher by less than the widest gap in height
-    between two of its points may have been missed (:func:`~rm3d_plugin.ops.box_reach.box_reach`).
+    between two of its points, or to the ground, may have been missed (:func:`~rm3d_plugin.ops.box_reach.box_reach`).
 
     Args:
         found: Boxes of one scene that stand on the ground.
-        xyz: Its points above the ground, metres.
+        xyz: Its points, metres; up to where the lowest begin the ground is taken to have been dropped.
         height: Metres of the points above the ground.
     """
     boxes, places, up = (part.double().cpu().numpy() for part in (found.boxes, xyz, height))
+    ground = max(float(up.min(initial=np.inf)), 0.0)
     share = np.zeros(len(boxes))
     for row in range(len(boxes)):
-        reach = box_reach(up, points_in_boxes(places, boxes[row : row + 1]), 1)
-        share[row] = (reach.top + reach.gap)[0] / max(boxes[row, 5], 1e-6)
+        own = up[points_in_boxes(places, boxes[row : row + 1]) >= 0]
+        if len(own):
+            reach = box_reach(own, np.zeros(len(own), dtype=np.int64), 1, ground)
+            share[row] = (reach.top + reach.gap)[0] / max(boxes[row, 5], 1e-6)
     scores = found.scores * torch.from_numpy(share.clip(0.0, 1.0)).to(found.scores)
     order = torch.argsort(scores, descending=True, stable=True)
     return Detections(found.boxes[order], found.labels[order], scores[order])

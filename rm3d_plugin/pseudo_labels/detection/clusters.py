@@ -167,19 +167,20 @@ def unlike_clusters(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, 
 
 
 def like_clusters(clusters: ObjectClusters, least: float) -> Bool[np.ndarray, ' clusters']:
-    """Clusters that are so like the annotated objects of some class, see :attr:`TeacherRules.spared_likeness`."""
+    """Clusters that are so like the annotated objects of some class, see :attr:`TeacherRules.usual_likeness`."""
     return np.asarray((clusters.likeness >= least).any(axis=1), dtype=bool)
 
 
-def has_shape_of_object(
+def looks_like_its_class(
     clusters: ObjectClusters, xyz: Float[np.ndarray, 'points 3'], boxes: Boxes3D, least: float
 ) -> Bool[np.ndarray, ' boxes']:
-    """Whether the cluster with the most points in each box is like the annotated objects of some class.
+    """Whether the cluster with the most points in each box is so like the annotated objects of the box's class.
 
-    A box without points of any cluster is not, as far as :func:`unlike_clusters` can tell at all.
+    A box without points of any cluster is not. Of a class of which nobody knows what its objects look like each box is.
     """
-    without = bool(np.isnan(clusters.likeness).any())
-    return np.append(~unlike_clusters(clusters, least), without)[cluster_of_boxes(clusters, xyz, boxes)]
+    without = np.where(np.isnan(clusters.likeness).any(axis=0), np.nan, 0.0)
+    likeness = np.concatenate([clusters.likeness, without[None]])
+    return np.asarray(~(likeness[cluster_of_boxes(clusters, xyz, boxes), boxes.labels] < least), dtype=bool)
 
 
 def cluster_of_boxes(

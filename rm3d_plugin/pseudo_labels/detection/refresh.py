@@ -30,8 +30,8 @@ from rm3d_plugin.pseudo_labels.detection.boxes import (
 )
 from rm3d_plugin.pseudo_labels.detection.clusters import (
     ObjectClusters,
-    has_shape_of_object,
     like_clusters,
+    looks_like_its_class,
     named_clusters,
     unlike_clusters,
 )
@@ -188,12 +188,11 @@ def _candidates(
     shown = ask_annotated(known, annotation.instance, boxes, scene.probabilities)
     if rules.teacher.source == 'clusters':
         shown = shown._replace(scores=shown.probs * np.minimum(_clusters(knowledge, 'source').annotated, 1.0))
-    shaped, least = None, rules.teacher.least_likeness
-    if least:
-        shaped = has_shape_of_object(_clusters(knowledge, 'least_likeness'), scene.xyz, boxes, least)
-    return teacher_candidates(
-        scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height, shaped
-    )
+    alike = None
+    if rules.teacher.least_likeness:
+        clusters = _clusters(knowledge, 'least_likeness')
+        alike = looks_like_its_class(clusters, scene.xyz, boxes, rules.teacher.usual_likeness)
+    return teacher_candidates(scene.xyz, background, boxes, shown, known, sizes, rules.teacher, knowledge.height, alike)
 
 
 def _clusters(knowledge: ObjectKnowledge, field: str) -> ObjectClusters:
@@ -240,7 +239,7 @@ def _objects_of_teacher(
     if rules.teacher.least_likeness:
         clusters = _clusters(knowledge, 'least_likeness')
         nothing_there |= clusters.points_of(unlike_clusters(clusters, rules.teacher.least_likeness))
-        spared = clusters.points_of(like_clusters(clusters, rules.teacher.spared_likeness))
+        spared = clusters.points_of(like_clusters(clusters, rules.teacher.usual_likeness))
     empty_points = (nothing_there & (objects.point_box < 0)) | (empty.large & free)
     if sure is not None and scene.probabilities is not None:
         empty_points |= free & ~spared & (np.nan_to_num(scene.probabilities[:, background]) >= sure)

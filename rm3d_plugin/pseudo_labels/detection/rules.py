@@ -95,7 +95,8 @@ class TeacherRules:
             boxes, or that many times less than the least, is not of the class.
         min_points: Fewest points in a box that are not surely background.
         free_above: Share that the points in a box have at least among these and all in the metre over it: objects end,
-            poles, trunks and bushes go on. 0: never asked.
+            poles, trunks and bushes go on. With ``top`` a box is looked at as if it were as high as the tallest of its
+            class. 0: never asked.
         top: The points of a box reach no higher above the ground than the highest annotated box of the class over this
             share. What has no class's height, from this share of the lowest annotated box on, is background; the
             widest gap in height between two points is allowed for, since beams may pass just over an object. 0: never
@@ -103,13 +104,13 @@ class TeacherRules:
         seen_height: With ``top``: share of its own height that the points of a box must reach above the ground, that
             gap included. A box that claims more than is there is around something else. 0: never asked.
         least_likeness: Points above the ground fall into clusters, and annotated objects tell how like them each is by
-            its shape (1: as these are like each other). A cluster whose likeness to each class is below this is
-            background where no pseudo box is, from the first labels on, and what is still unknown is in doubt, where
-            each class has two annotated objects or more. A box around such a cluster does not pass. Larger: more
-            background, fewer hidden objects spared. 0: never asked, nor where the first labels stay.
-        spared_likeness: With ``least_likeness``: the network alone makes no background of a cluster that is so like the
-            annotated objects of some class, or more: it was taught as background what nobody annotated. Smaller: more
-            hidden objects spared, less background.
+            its shape and by a descriptor (1: as these are like each other). A cluster whose likeness to each class is
+            below this is background where no pseudo box is, from the first labels on, and what is still unknown is in
+            doubt, where each class has two annotated objects or more. Larger: more background, fewer hidden objects
+            spared. 0: never asked, nor where the first labels stay.
+        usual_likeness: With ``least_likeness``: a cluster that is at least so like the annotated objects of a class may
+            be one. A box around any other does not pass, and the network alone makes no background of one that may be
+            an object: it was taught as background what nobody annotated. Larger: fewer and purer, more background.
         growth: A round may expect so many times the objects of a class that the last one did. A network that learnt
             from pseudo boxes confirms them and finds more; larger: trusts it more. Where whole scenes are labelled,
             their counts tell the number.
@@ -130,7 +131,7 @@ class TeacherRules:
     top: float = 0.0
     seen_height: float = 0.0
     least_likeness: float = 0.0
-    spared_likeness: float = 0.5
+    usual_likeness: float = 0.5
     growth: float = 2.0
     max_iou: float = 0.1
     refit: bool = False
@@ -149,7 +150,8 @@ class TeacherRules:
         check_field(self, 'least_likeness', 0 <= self.least_likeness <= 1, 'a share in [0, 1]')
         check_field(self, 'seen_height', 0 <= self.seen_height <= 1, 'a share in [0, 1]')
         least = self.least_likeness
-        check_field(self, 'spared_likeness', self.spared_likeness >= least, f'at least least_likeness, {least}')
+        usual = least <= self.usual_likeness <= 1
+        check_field(self, 'usual_likeness', usual, f'a share from least_likeness, {least}, to 1')
         check_field(self, 'growth', self.growth >= 1, 'at least 1')
         check_field(self, 'max_iou', 0 <= self.max_iou < 1, 'a share in [0, 1)')
         sure = self.background

@@ -20,7 +20,7 @@ from rm3d_plugin.pseudo_labels.detection.rules import TeacherRules
 from rm3d_plugin.structures import Boxes3D
 
 IGNORED_MARGIN = 0.2  # m around a doubtful box in which nothing is said
-ABOVE = 1.0  # m over the tallest object of a class, where the points of a pole, a trunk or a bush go on
+ABOVE = 1.0  # m over a box, where the points of a pole, a trunk or a bush go on
 FOUND_IOU = 0.25  # overlap from above from which a predicted box is that of an annotated object
 
 
@@ -78,7 +78,7 @@ def teacher_candidates(
     ranges: Float[np.ndarray, 'classes 2 3'],
     rules: TeacherRules,
     height: Float[np.ndarray, ' points'] | None = None,
-    shaped: Bool[np.ndarray, ' predicted'] | None = None,
+    alike: Bool[np.ndarray, ' predicted'] | None = None,
 ) -> Candidates:
     """Predicted boxes of the size and height of their class, with their place to themselves and points that end there.
 
@@ -91,8 +91,8 @@ def teacher_candidates(
         ranges: Sizes, see :func:`~rm3d_plugin.pseudo_labels.detection.boxes.size_ranges`; NaN: the class gets no box.
         rules: Thresholds.
         height: Metres of each point above the ground; None: nobody asks how far up the points of a box reach.
-        shaped: Whether what each predicted box holds has the shape of an object, see
-            :func:`~rm3d_plugin.pseudo_labels.detection.clusters.has_shape_of_object`; None: nobody asks.
+        alike: Whether what each predicted box holds looks like its class, see
+            :func:`~rm3d_plugin.pseudo_labels.detection.clusters.looks_like_its_class`; None: nobody asks.
     """
     steps = {'found': np.bincount(predicted.labels, minlength=len(ranges))}
 
@@ -102,24 +102,25 @@ def teacher_candidates(
 
     sized = has_usual_size(predicted, ranges, rules.size_ratio)
     boxes = left(predicted, sized, 'size')
-    boxes = left(boxes, np.ones(len(boxes), dtype=bool) if shaped is None else shaped[sized], 'shape')
+    boxes = left(boxes, np.ones(len(boxes), dtype=bool) if alike is None else alike[sized], 'looks')
     assert boxes.scores is not None
     alone = suppress(boxes, boxes.scores, annotated, rules.max_iou) == np.arange(len(boxes))
     boxes = left(boxes, alone, 'collision')
     boxes = left(boxes, _points_of(xyz[~background], boxes.tensor) >= rules.min_points, 'points')
-    over = boxes_above(boxes.tensor, ranges[boxes.labels, 1, 2] / (rules.top or 1.0))
-    held, above = (_points_of(*of) for of in ((xyz[~background], boxes.tensor), (xyz, over)))
+    columns = columns_of(boxes, ranges, rules.top)
+    held, above = (_points_of(*of) for of in ((xyz[~background], columns), (xyz, boxes_above(columns))))
     boxes = left(boxes, held >= rules.free_above * (held + above), 'above')
     if height is None or not rules.top:
         return Candidates(boxes, np.zeros(len(xyz), dtype=bool), steps, shown)
-    owner = points_in_boxes(xyz, boxes.tensor)
-    reach = box_reach(height, owner, len(boxes))
-    low, high = wrong_heights(reach, ranges[:, :, 2], rules.top)
+    reach = box_reach(height, points_in_boxes(xyz, boxes.tensor), len(boxes))
+    is_seen = reach.top + reach.gap >= rules.seen_height * boxes.tensor[:, 5]
+    owner = points_in_boxes(xyz, columns_of(boxes, ranges, rules.top))
+    low, high = wrong_heights(box_reach(height, owner, len(boxes)), ranges[:, :, 2], rules.top)
+    too_high = high[boxes.labels, np.arange(len(boxes))]
     nothing = (low | high).all(axis=0) & np.isfinite(ranges).all()  # it has the height of no class, and all are known
-    own = boxes.labels, np.arange(len(boxes))
-    shown_high = reach.top + reach.gap >= rules.seen_height * boxes.tensor[:, 5]
-    boxes = left(boxes, shown_high, 'low')
-    boxes = left(boxes, ~high[own][shown_high], 'high')
+    nothing &= ~is_seen | too_high  # what passes is a candidate
+    boxes = left(boxes, is_seen, 'low')
+    boxes = left(boxes, ~too_high[is_seen], 'high')
     return Candidates(boxes, (owner >= 0) & np.append(nothing, False)[owner], steps, shown)
 
 
@@ -137,12 +138,26 @@ def wrong_heights(
     return ~(reach.top + reach.gap >= share * least), reach.top > greatest / share
 
 
-def boxes_above(
-    boxes: Float[np.ndarray, 'boxes 7'], tallest: Float[np.ndarray, ' boxes'], height: float = ABOVE
-) -> Float[np.ndarray, 'boxes 7']:
-    """Boxes of so many metres over the given ones, and over the tallest object of their class in the same place."""
+def columns_of(boxes: Boxes3D, ranges: Float[np.ndarray, 'classes 2 3'], share: float) -> Float[np.ndarray, 'boxes 7']:
+    """The boxes, each up to where the tallest annotated box of its class would end: many are predicted too low.
+
+    Args:
+        boxes: That stand on the ground.
+        ranges: Sizes of the classes.
+        share: :attr:`TeacherRules.top`: the tallest, over this share; 0: the boxes as they are.
+    """
+    columns = boxes.tensor.copy()
+    if share:
+        rise = np.maximum(ranges[boxes.labels, 1, 2] / share - columns[:, 5], 0.0)
+        columns[:, 2] += rise / 2
+        columns[:, 5] += rise
+    return columns
+
+
+def boxes_above(boxes: Float[np.ndarray, 'boxes 7'], height: float = ABOVE) -> Float[np.ndarray, 'boxes 7']:
+    """Boxes of so many metres that stand on the given ones."""
     above = boxes.copy()
-    above[:, 2] += np.maximum(tallest, boxes[:, 5]) - (boxes[:, 5] - height) / 2
+    above[:, 2] += (boxes[:, 5] + height) / 2
     above[:, 5] = height
     return above
 

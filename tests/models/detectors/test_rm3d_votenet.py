@@ -7,7 +7,7 @@ from mmengine.dataset import pseudo_collate
 
 from rm3d_plugin.models.consistency import common_rows
 from rm3d_plugin.models.detectors.point_features import point_features
-from rm3d_plugin.ops.boxes import rotated_iou_bev
+from rm3d_plugin.ops.boxes import points_in_boxes, rotated_iou_bev
 from rm3d_plugin.registry import MODELS
 from rm3d_plugin.structures import LabelStatistics, SceneSample
 
@@ -252,3 +252,33 @@ def test_predicted_boxes_stand_on_the_ground_where_it_is_known_and_that_is_asked
     assert torch.equal(standing[:, [0, 1, 3, 4, 5, 6]], floating[:, [0, 1, 3, 4, 5, 6]])
     model.on_ground = False
     assert torch.equal(predicted(), floating)
+
+
+def test_scores_ask_how_far_up_points_reach_where_that_is_asked(world):
+    options = {'on_ground': True, 'score_threshold': 0.0}
+    model = build(world.config() | options | {'score_by_height': True}).eval()
+    item = world.make_scene(0)
+    points = item['inputs']['points']
+
+    def predicted():
+        (sample,) = model(**model.data_preprocessor(pseudo_collate([copy.deepcopy(item)])), mode='predict')
+        return sample.pred_bboxes_3d, sample.pred_scores_3d
+
+    unknown = predicted()[1]  # nobody knows where the ground is
+    height = (points[:, 2] - points[:, 2].min()).double().numpy()
+    item['data_samples'].pts_height = torch.from_numpy(height).float()
+    boxes, scores = predicted()
+    model.score_by_height = False
+    plain_boxes, plain = predicted()
+    expected = []
+    for box, score in zip(plain_boxes.double().numpy(), plain.tolist(), strict=True):
+        held = np.sort(height[points_in_boxes(points[:, :3].double().numpy(), box[None]) >= 0])
+        reach = held[-1] + np.diff(held, prepend=0.0).max() if len(held) else 0.0
+        expected.append(score * min(reach / box[5], 1.0))
+    assert scores.tolist() == pytest.approx(sorted(expected, reverse=True), abs=1e-5)
+    assert torch.equal(plain, unknown) and 0 < sum(
+        low < high for low, high in zip(expected, plain.tolist(), strict=True)
+    )
+    assert max(expected) > 0 and sorted(boxes[:, 0].tolist()) == sorted(plain_boxes[:, 0].tolist())
+    with pytest.raises(ValueError, match=r'score_by_height: asks boxes that stand on the ground; set on_ground=True'):
+        build(world.config() | {'score_by_height': True})

@@ -105,4 +105,7 @@ def test_scores_ask_how_far_up_the_points_of_a_box_reach():
     got = scored_by_height(found, xyz, xyz[:, 2])
     assert got.labels.tolist() == [0, 1, 2] and got.boxes[:, 0].tolist() == [5.0, 0.0, 9.0]  # best first again
     assert got.scores.tolist() == pytest.approx([0.8, 0.9 * (0.9 + 0.3) / 1.8, 0.0])  # the last holds nothing
+    single = torch.tensor([[0.0, 0.0, 0.7], [3.0, 0.0, 0.2]])  # one beam; another point tells where ground began
+    told = scored_by_height(Detections(boxes[:1], found.labels[:1], found.scores[:1]), single, single[:, 2])
+    assert told.scores.tolist() == pytest.approx([0.9 * (0.7 + 0.5) / 1.8])
     assert len(scored_by_height(Detections(boxes[:0], found.labels[:0], found.scores[:0]), xyz, xyz[:, 2]).scores) == 0

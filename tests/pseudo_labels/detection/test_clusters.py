@@ -7,11 +7,12 @@ from rm3d_plugin.pseudo_labels.detection.clusters import (
     LEAST,
     SLABS,
     ObjectClusters,
+    cluster_of_boxes,
     described,
     fit_likeness,
-    has_shape_of_object,
     known_mean,
     like_clusters,
+    looks_like_its_class,
     named_clusters,
     object_clusters,
     shapes,
@@ -145,11 +146,14 @@ def test_clusters_like_a_class_and_their_points():
     assert like_clusters(unknown, 0.5).tolist() == [True, True, False]  # by the class that is known
 
 
-def test_a_box_has_the_shape_of_the_cluster_of_most_of_its_points():
+def test_a_box_looks_as_the_cluster_of_most_of_its_points():
     xyz = np.array([[0.0, 0, 1], [0.1, 0, 1], [0.2, 0, 1], [0.3, 0, 1], [5, 0, 1], [9, 0, 1], [0.4, 0, 1]])
     tensor = np.array([[x, 0, 1, 1.5, 1, 2, 0.0] for x in (0.0, 5.0, 9.0)] + [[0.4, 0, 1, 0.1, 1, 2, 0.0]])
-    boxes = Boxes3D(tensor, np.zeros(4, dtype=int), np.ones(4))
-    assert has_shape_of_object(CLUSTERS, xyz, boxes, 0.3).tolist() == [True, True, False, False]
-    assert has_shape_of_object(CLUSTERS, xyz, boxes, 0.6).tolist() == [True, False, False, False]
+    first, second = (Boxes3D(tensor, np.full(4, label), np.ones(4)) for label in (0, 1))
+    assert cluster_of_boxes(CLUSTERS, xyz, first).tolist() == [0, 1, -1, 2]
+    assert looks_like_its_class(CLUSTERS, xyz, first, 0.3).tolist() == [True, True, False, False]
+    assert looks_like_its_class(CLUSTERS, xyz, first, 0.6).tolist() == [True, False, False, False]
+    assert looks_like_its_class(CLUSTERS, xyz, second, 0.3).tolist() == [False, True, False, False]  # by its own class
     unknown = CLUSTERS._replace(likeness=CLUSTERS.likeness * [1.0, np.nan])
-    assert has_shape_of_object(unknown, xyz, boxes, 0.6).all()
+    assert looks_like_its_class(unknown, xyz, first, 0.6).tolist() == [True, False, False, False]
+    assert looks_like_its_class(unknown, xyz, second, 0.6).all()

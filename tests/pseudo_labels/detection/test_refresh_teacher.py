@@ -60,7 +60,7 @@ def test_labels_by_hand():
     assert labels.semantic.tolist() == [0] * 27 + [-1] * 9 + [1] * 8  # of the car at 40 nobody says anything
     assert labels.instance.tolist() == [0] * 9 + [1] * 9 + [2] * 9 + [-1] * 17
     assert {step: int(lost[0]) for step, lost in got.steps.items()} == {
-        'found': 4, 'size': 0, 'shape': 0, 'collision': 1, 'points': 0, 'above': 0, 'low': 0, 'high': 0,
+        'found': 4, 'size': 0, 'looks': 0, 'collision': 1, 'points': 0, 'above': 0, 'low': 0, 'high': 0,
         'unrecognised': 0, 'doubt': 0, 'score': 1
     }  # fmt: skip
 
@@ -111,7 +111,7 @@ def clusters_of_cars(*likeness):
 
 def test_what_has_no_shape_of_a_class_is_background():
     got = refresh(scene(), clusters=clusters_of_cars(0.9, 0.2, 0.5), least_likeness=0.3)
-    assert got.labels.boxes.tensor[:, 0].tolist() == [10.0, 20.0] and got.steps['shape'].tolist() == [1]
+    assert got.labels.boxes.tensor[:, 0].tolist() == [10.0, 20.0] and got.steps['looks'].tolist() == [1]
     assert got.labels.semantic.tolist() == [0] * 18 + [1] * 9 + [-1] * 9 + [1] * 8
     unasked = refresh(scene(), clusters=clusters_of_cars(0.9, 0.2, 0.5)).labels
     assert unasked.boxes.tensor[:, 0].tolist() == [10.0, 20.0, 30.0]
@@ -127,9 +127,9 @@ def test_the_network_makes_no_background_of_what_looks_like_an_object():
     assert alone.semantic[18:36].tolist() == [1] * 18  # where clusters are not asked the network is believed
     asked = refresh(inputs, clusters=clusters_of_cars(0.9, 0.7, 0.4), least_likeness=0.3).labels
     assert asked.semantic[18:36].tolist() == [-1] * 9 + [1] * 9 and asked.semantic[36:].tolist() == [1] * 8
-    all_spared = refresh(inputs, clusters=clusters_of_cars(0.9, 0.7, 0.4), least_likeness=0.3, spared_likeness=0.35)
+    all_spared = refresh(inputs, clusters=clusters_of_cars(0.9, 0.7, 0.4), least_likeness=0.3, usual_likeness=0.35)
     assert all_spared.labels.semantic[18:36].tolist() == [-1] * 18
-    with pytest.raises(ValueError, match=r'spared_likeness: expected at least least_likeness, 0.6'):
+    with pytest.raises(ValueError, match=r'usual_likeness: expected a share from least_likeness, 0.6, to 1'):
         refresh(inputs, least_likeness=0.6)
 
 

@@ -11,6 +11,7 @@ from rm3d_plugin.pseudo_labels.detection.teacher import (
     ask_annotated,
     box_limits,
     boxes_above,
+    columns_of,
     expected_from_whole,
     joined_shown,
     lower_mean,
@@ -64,7 +65,7 @@ def test_each_step_says_what_it_cost():
     cost = {
         'found': 6,
         'size': 1,
-        'shape': 0,
+        'looks': 0,
         'points': 2,
         'collision': 2,
         'above': 0,
@@ -100,36 +101,50 @@ def test_what_has_no_height_of_a_class_is_background():
     assert got.steps['low'].tolist() == [0, 2] and got.steps['high'].tolist() == [0, 1]
     assert got.empty.tolist() == np.isin(owner, [1, 4]).tolist()  # a car might be as high as the third
     lower = teacher_candidates(*given, TeacherRules(min_points=3, top=0.95), xyz[:, 2])  # nobody asks what they say
-    assert lower.boxes.tensor[:, 0].tolist() == [10.0, 20.0, 30.0, 40.0] and lower.empty.tolist() == got.empty.tolist()
+    assert lower.boxes.tensor[:, 0].tolist() == [10.0, 20.0, 30.0, 40.0]
+    assert lower.empty.tolist() == (owner == 4).tolist()  # what is a candidate is no background
     for rules, height in ((TeacherRules(min_points=3, top=0.0), xyz[:, 2]), (TeacherRules(min_points=3), None)):
         unasked = teacher_candidates(*given, rules, height)
         assert len(unasked.boxes) == 5 and not unasked.empty.any() and not np.any(unasked.steps.get('low', 0))
 
 
-def test_what_is_above_starts_over_the_tallest_of_the_class():
-    """Boxes that are predicted too low: a car whose roof is over its box, and one with a crown of leaves above."""
-    rows = np.array([[10.0, 0, 0.6, 4.0, 2.0, 1.2, 0.0], [20.0, 0, 0.6, 4.0, 2.0, 1.2, 0.0]])
-    above = boxes_above(rows, np.array([1.6, 1.1]))
-    assert (above[:, 2] - above[:, 5] / 2).tolist() == pytest.approx([1.6, 1.2])  # never within the box itself
-    assert (
-        above[:, 5].tolist() == [1.0, 1.0] and above[:, [0, 1, 3, 4, 6]].tolist() == rows[:, [0, 1, 3, 4, 6]].tolist()
-    )
-    roof = [[10.0, 0.0, z] for z in (0.3, 0.6, 0.9, 1.1, 1.3, 1.4)]
-    leaves = [[20.0, 0.0, z] for z in (0.3, 0.6, 0.9, 1.1, 2.0, 2.2)]
-    xyz, nothing = np.array(roof + leaves), Boxes3D.empty()
-    given = (xyz, np.zeros(12, dtype=bool), boxes(rows, [0, 0], [0.9, 0.8]), NOTHING, nothing, SIZES)
-    got = teacher_candidates(*given, TeacherRules(min_points=3, top=0.95, size_ratio=2.0))
+RANGES = np.array([[[4.0, 2.0, 1.4], [4.0, 2.0, 1.6]], [[0.8, 0.6, 1.7], [0.8, 0.6, 1.7]]])  # cars, pedestrians
+
+
+def test_a_box_is_looked_at_up_to_the_tallest_of_its_class():
+    rows = np.array([[10.0, 0, 0.6, 4.0, 2.0, 1.2, 0.0], [20.0, 0, 1.0, 4.0, 2.0, 2.0, 0.0]])
+    given = boxes(rows, [0, 0], [0.9, 0.8])
+    columns = columns_of(given, RANGES, 0.8)
+    assert (columns[:, 2] + columns[:, 5] / 2).tolist() == pytest.approx([2.0, 2.0])  # 1.6 m over .8
+    assert (columns[:, 2] - columns[:, 5] / 2).tolist() == pytest.approx([0.0, 0.0])
+    assert columns_of(given, RANGES, 0.0).tolist() == given.tensor.tolist()
+    above = boxes_above(columns)
+    assert (above[:, 2] - above[:, 5] / 2).tolist() == pytest.approx([2.0, 2.0]) and above[:, 5].tolist() == [1.0, 1.0]
+
+
+def test_cars_that_are_predicted_too_low_pass_and_make_no_background():
+    """A car of 1.5 m in a box of 1.1 m, one whose points go on in leaves, and something of .9 m."""
+    rows = np.array([[x, 0, 0.55, 4.0, 2.0, 1.1, 0.0] for x in (10.0, 20.0, 30.0)])
+    tops = ([0.3, 0.6, 0.9, 1.05, 1.3, 1.5], [0.3, 0.6, 0.9, 1.05, 2.0, 2.2], [0.2, 0.3, 0.4, 0.5, 0.6, 0.65])
+    xyz = np.array([[box[0], 0.0, z] for box, up in zip(rows, tops, strict=True) for z in up])
+    given = (xyz, np.zeros(18, dtype=bool), boxes(rows, [0] * 3, [0.9, 0.8, 0.7]), NOTHING, Boxes3D.empty(), RANGES)
+    rules = TeacherRules(min_points=3, top=0.95, seen_height=0.85)
+    got = teacher_candidates(*given, rules, xyz[:, 2])
     assert got.boxes.tensor[:, 0].tolist() == [10.0] and got.steps['above'].tolist() == [1, 0]
+    assert got.steps['low'].tolist() == [1, 0] and got.empty.tolist() == [False] * 12 + [True] * 6
+    between = xyz.copy()
+    between[5, 2] = 1.65  # over the tallest, 1.6 m, and below that over .95
+    assert teacher_candidates(between, *given[1:], rules, xyz[:, 2]).boxes.tensor[0, 0] == 10.0
 
 
-def test_a_box_around_what_is_shaped_otherwise_does_not_pass():
+def test_a_box_around_what_looks_otherwise_does_not_pass():
     given = [car(10), car(20), car(30), car(40, length=9.0), car(50)]
     xyz, nowhere = cloud_in(given), np.zeros(40, dtype=bool)
     rows = (xyz, nowhere, boxes(given, [0, 0, 1, 0, 0], [0.9] * 5), NOTHING, Boxes3D.empty(), SIZES)
-    shaped = np.array([True, False, False, True, True])  # the third and fourth have no usual size
-    got = teacher_candidates(*rows, TeacherRules(), shaped=shaped)
+    alike = np.array([True, False, False, True, True])  # the third and fourth have no usual size
+    got = teacher_candidates(*rows, TeacherRules(), alike=alike)
     assert got.boxes.tensor[:, 0].tolist() == [10.0, 50.0]
-    assert got.steps['size'].tolist() == [1, 1] and got.steps['shape'].tolist() == [1, 0]
+    assert got.steps['size'].tolist() == [1, 1] and got.steps['looks'].tolist() == [1, 0]
     assert len(teacher_candidates(*rows, TeacherRules()).boxes) == 3
 
 
