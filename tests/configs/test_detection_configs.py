@@ -36,7 +36,7 @@ def test_boxes_of_streets_stand_on_the_ground_and_ask_the_points(leaf, streets):
 @pytest.mark.parametrize(
     ('options', 'round_in_use', 'judged'),
     [
-        ({}, None, True),  # shapes tell from the start what is background
+        ({}, None, True),  # looks tell from the start what is background
         ({}, 0, True),
         ({}, 1, True),
         ({'predicted_boxes.least_likeness': 0.0}, None, False),
@@ -63,11 +63,11 @@ def test_labels_judged_every_place_once_shapes_or_predicted_boxes_made_them(opti
     assert DetectionLabelMaker.statistics(maker).judged == (judged and bool(round_in_use))
 
 
-def test_shapes_are_not_asked_where_the_first_labels_stay():
-    for leaf, asked in (('rm3d_votenet_kitti_1pct', 0.2), ('sup_votenet_kitti_1pct', 0.0)):
+def test_looks_are_not_asked_where_the_first_labels_stay():
+    for leaf, asked in (('rm3d_votenet_kitti_1pct', 0.1), ('sup_votenet_kitti_1pct', 0.0)):
         config = load_config(leaf)
         rules = detection_rules(merge=config['merge'], teacher=config.teacher)
-        assert rules.teacher.least_likeness == 0.2 and _as_asked(rules).teacher.least_likeness == asked
+        assert rules.teacher.least_likeness == 0.1 and _as_asked(rules).teacher.least_likeness == asked
     assert _as_asked(detection_rules(merge={'rounds': 1})).teacher is None
 
 
