@@ -103,6 +103,8 @@ class TeacherRules:
             asked.
         seen_height: With ``top``: share of its own height that the points of a box must reach above the ground, that
             gap included. A box that claims more than is there is around something else. 0: never asked.
+        lowest: With ``top``: share of the height of the lowest annotated box of the class that points in the place of a
+            box must reach. Larger: purer, and without those who are lower than all that were annotated. 0: never asked.
         least_likeness: Points above the ground fall into clusters, and annotated objects tell how like them each is by
             its shape and by a descriptor (1: as these are like each other). A cluster whose likeness to each class is
             below this is background where no pseudo box is, from the first labels on, and what is still unknown is in
@@ -130,6 +132,7 @@ class TeacherRules:
     free_above: float = 0.95
     top: float = 0.0
     seen_height: float = 0.0
+    lowest: float = 0.0
     least_likeness: float = 0.0
     usual_likeness: float = 0.5
     growth: float = 2.0
@@ -149,6 +152,7 @@ class TeacherRules:
         check_field(self, 'top', 0 <= self.top <= 1, 'a share in [0, 1]')
         check_field(self, 'least_likeness', 0 <= self.least_likeness <= 1, 'a share in [0, 1]')
         check_field(self, 'seen_height', 0 <= self.seen_height <= 1, 'a share in [0, 1]')
+        check_field(self, 'lowest', 0 <= self.lowest <= 1, 'a share in [0, 1]')
         least = self.least_likeness
         usual = least <= self.usual_likeness <= 1
         check_field(self, 'usual_likeness', usual, f'a share from least_likeness, {least}, to 1')

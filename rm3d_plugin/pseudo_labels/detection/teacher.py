@@ -112,10 +112,11 @@ def teacher_candidates(
     boxes = left(boxes, held >= rules.free_above * (held + above), 'above')
     if height is None or not rules.top:
         return Candidates(boxes, np.zeros(len(xyz), dtype=bool), steps, shown)
-    reach = box_reach(height, points_in_boxes(xyz, boxes.tensor), len(boxes))
-    is_seen = reach.top + reach.gap >= rules.seen_height * boxes.tensor[:, 5]
     owner = points_in_boxes(xyz, columns_of(boxes, ranges, rules.top))
-    low, high = wrong_heights(box_reach(height, owner, len(boxes)), ranges[:, :, 2], rules.top)
+    inside, column = (box_reach(height, own, len(boxes)) for own in (points_in_boxes(xyz, boxes.tensor), owner))
+    is_seen = inside.top + inside.gap >= rules.seen_height * boxes.tensor[:, 5]
+    is_seen &= column.top + column.gap >= rules.lowest * ranges[boxes.labels, 0, 2]
+    low, high = wrong_heights(column, ranges[:, :, 2], rules.top)
     too_high = high[boxes.labels, np.arange(len(boxes))]
     nothing = (low | high).all(axis=0) & np.isfinite(ranges).all()  # it has the height of no class, and all are known
     nothing &= ~is_seen | too_high  # what passes is a candidate

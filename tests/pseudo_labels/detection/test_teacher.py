@@ -1,5 +1,7 @@
 """Predicted boxes that become pseudo boxes: limits and steps by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -132,6 +134,10 @@ def test_cars_that_are_predicted_too_low_pass_and_make_no_background():
     got = teacher_candidates(*given, rules, xyz[:, 2])
     assert got.boxes.tensor[:, 0].tolist() == [10.0] and got.steps['above'].tolist() == [1, 0]
     assert got.steps['low'].tolist() == [1, 0] and got.empty.tolist() == [False] * 12 + [True] * 6
+    asked = teacher_candidates(*given, TeacherRules(min_points=3, top=0.95, lowest=1.0), xyz[:, 2])
+    assert asked.boxes.tensor[:, 0].tolist() == [10.0]  # its points end at 1.5 m, more than the lowest, 1.4 m
+    refused = RANGES + [0.0, 0.0, 0.35]  # the lowest is 1.75 m: what is in the box and up to .2 m more is lower
+    assert not len(teacher_candidates(*given[:-1], refused, replace(rules, lowest=1.0), xyz[:, 2]).boxes)
     between = xyz.copy()
     between[5, 2] = 1.65  # over the tallest, 1.6 m, and below that over .95
     assert teacher_candidates(between, *given[1:], rules, xyz[:, 2]).boxes.tensor[0, 0] == 10.0
