@@ -29,7 +29,6 @@ from rm3d_plugin.structures.point_cloud import SceneError
 LOOKS_IN_MEMORY = 256  # MB of what clusters look like; further scenes are described again in each round
 SCENES = 200  # with an annotated box, and as many without, whose clusters are looked at at most
 
-
 Rows = Float[np.ndarray, '_things _features']
 
 
@@ -82,8 +81,7 @@ class ClusterKnowledge:
     @property
     def of_every_class(self) -> bool:
         """Whether annotated objects tell of every class what its objects look like."""
-        told = [[ratio is not None for ratio in likeness.ratios] for likeness in self._fitted.likeness]
-        return bool(np.any(told, axis=0).all())
+        return bool(np.any([likeness.known for likeness in self._fitted.likeness], axis=0).all())
 
     def of(self, scene_id: str, ground: GroundResult) -> ObjectClusters:
         """Clusters of a scene.
@@ -155,7 +153,7 @@ def _fit(
     known = clusters[np.isfinite(clusters).all(axis=1)]
     likeness, left_out = fit_likeness(objects[told], labels[told], known, classes)
     out = np.full(len(objects), np.nan)
-    out[told] = np.where([likeness.ratios[label] is None for label in labels[told]], np.nan, left_out)
+    out[told] = np.where(likeness.known[labels[told]], left_out, np.nan)
     return likeness, out
 
 

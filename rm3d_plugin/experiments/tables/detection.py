@@ -40,7 +40,7 @@ MECHANISMS = Table(
         Row('default, scores do not ask how far up points reach', LEAF, {'score_by_height': False}),
         Row('default, however high they say they are', LEAF, {'predicted_boxes': {'seen_height': 0.0}}),
         Row('default, no descriptor tells what clusters look like', LEAF, {'cluster_descriptor': None}),
-        Row('default, shapes are not asked', LEAF, {'predicted_boxes': {'least_likeness': 0.0}}),
+        Row('default, looks are not asked', LEAF, {'predicted_boxes': {'least_likeness': 0.0}}),
         Row('default, never more than in the round before', LEAF, {'predicted_boxes': {'growth': 1.0}}),
         Row(
             'default, what is unknown counts as background in part in all rounds',
@@ -52,7 +52,7 @@ MECHANISMS = Table(
         Row('default, labels by a running mean of the network', LEAF, MEAN_TEACHER),
         Row('default + IoU head', LEAF, IOU),
         Row(
-            'default, shapes are not asked + reliable background alone, from the start',
+            'default, looks are not asked + reliable background alone, from the start',
             LEAF,
             {'unlabelled_weight': 0.0, 'predicted_boxes': {'least_likeness': 0.0}},
         ),

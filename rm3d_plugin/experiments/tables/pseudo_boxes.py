@@ -52,6 +52,9 @@ RULES = {
     'boxes around clusters above the ground': Rule({'source': 'clusters'}),
     'the default, whatever is above': Rule({'free_above': 0.0}),
     'the default, of any height': Rule({'top': 0.0}),
+    'the default, however high they say they are': Rule({'seen_height': 0.0}),
+    'the default, as high as the lowest annotated box of the class besides': Rule({'lowest': 0.95}),
+    'the default, looks are not asked': Rule({'least_likeness': 0.0}),
     'the default, from half of the usual score on': Rule({'share': 0.5}),
 }
 

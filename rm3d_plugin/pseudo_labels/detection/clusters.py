@@ -134,10 +134,7 @@ def known_mean(parts: Sequence[Float[np.ndarray, '*shape']]) -> Float[np.ndarray
     >>> known_mean([np.array([4.0, 4.0, np.nan]), np.array([1.0, np.nan, np.nan])])
     array([2.5, 4. , nan])
     """
-    stacked = np.stack(parts)
-    told = ~np.isnan(stacked)
-    sums = np.where(told, stacked, 0.0).sum(axis=0)
-    return np.asarray(np.where(told.any(axis=0), sums / np.maximum(told.sum(axis=0), 1), np.nan))
+    return np.asarray(np.ma.masked_invalid(np.stack(parts)).mean(axis=0).filled(np.nan))
 
 
 def named_clusters(clusters: ObjectClusters, probabilities: Float[np.ndarray, 'points classes']) -> PredictedInstances:
@@ -209,9 +206,9 @@ class Likeness(NamedTuple):
     usual: Float[np.ndarray, ' classes']
 
     @property
-    def of_every_class(self) -> bool:
-        """Whether it is known of every class."""
-        return all(ratio is not None for ratio in self.ratios)
+    def known(self) -> Bool[np.ndarray, ' classes']:
+        """Of which classes it is known."""
+        return np.array([ratio is not None for ratio in self.ratios], dtype=bool)
 
     def of(self, rows: Float[np.ndarray, 'clusters features']) -> Float[np.ndarray, 'clusters classes']:
         """Likeness of rows to each class; NaN for a class without a ratio, and for a row of NaN."""

@@ -86,7 +86,8 @@ class TeacherRules:
 
     Attributes:
         source: 'boxes': what the network predicts as boxes. 'instances': boxes around the instances that its classes
-            and votes of points make (paper 3.4), of the kind :attr:`ObjectRules.box`.
+            and votes of points make (paper 3.4), of the kind :attr:`ObjectRules.box`. 'clusters': the same, around
+            clusters of points above the ground.
         share: Share of the score that annotated objects of the class get (their median) from which a box is accepted;
             larger: fewer and purer.
         recognised: Probability that the points of annotated objects of a class must have for it (the median over the

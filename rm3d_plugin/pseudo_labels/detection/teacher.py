@@ -109,10 +109,11 @@ def teacher_candidates(
     boxes = left(boxes, _points_of(xyz[~background], boxes.tensor) >= rules.min_points, 'points')
     columns = columns_of(boxes, ranges, rules.top)
     held, above = (_points_of(*of) for of in ((xyz[~background], columns), (xyz, boxes_above(columns))))
-    boxes = left(boxes, held >= rules.free_above * (held + above), 'above')
+    ends = held >= rules.free_above * (held + above)
+    boxes, columns = left(boxes, ends, 'above'), columns[ends]
     if height is None or not rules.top:
         return Candidates(boxes, np.zeros(len(xyz), dtype=bool), steps, shown)
-    owner = points_in_boxes(xyz, columns_of(boxes, ranges, rules.top))
+    owner = points_in_boxes(xyz, columns)
     inside, column = (box_reach(height, own, len(boxes)) for own in (points_in_boxes(xyz, boxes.tensor), owner))
     is_seen = inside.top + inside.gap >= rules.seen_height * boxes.tensor[:, 5]
     is_seen &= column.top + column.gap >= rules.lowest * ranges[boxes.labels, 0, 2]

@@ -96,7 +96,7 @@ def test_what_is_shaped_like_annotated_objects_is_like_them():
 def test_from_one_object_or_no_cluster_nobody_knows_what_is_usual(objects, clusters):
     rows = np.random.default_rng(3).normal(size=(20, 5))
     likeness, left_out = fit_likeness(rows[:objects], np.ones(objects, dtype=int), rows[:clusters], 2)
-    assert not likeness.of_every_class and not left_out.any()
+    assert not likeness.known.any() and not left_out.any()
     assert np.isnan(likeness.of(rows)).all() and likeness.of(rows[:0]).shape == (0, 2)
 
 
